@@ -41,30 +41,36 @@ class Pool(Generic[Job, Result]):
         """
         waiting, deaths = deque(range(len(jobs))), Counter[int]()
         running: dict[ChildProcess, int] = {}
+
+        def feed() -> None:
+            while waiting and len(running) < self._count:
+                idle = (item for item in self._processes if item not in running)
+                process = next(idle, None) or self._start()
+                running[process] = job = waiting.popleft()
+                # the reply tells why it has ended
+                with suppress(ChildProcessError):
+                    process.request('run', job=jobs[job])
+
         try:
-            while waiting or running:
-                while waiting and len(running) < self._count:
-                    idle = (item for item in self._processes if item not in running)
-                    process = next(idle, None) or self._start()
-                    running[process] = waiting.popleft()
-                    # the reply tells why it has ended
-                    with suppress(ChildProcessError):
-                        process.request('run', job=jobs[running[process]])
+            feed()
+            while running:
                 for process in with_reply(list(running), None):
                     job = running[process]
                     try:
                         _, values = process.reply(0.0) or ('', {})
                     except ChildProcessError as error:
-                        del running[process]
                         self._end([process])
                         deaths[job] += 1
                         if deaths[job] > DEATHS:
                             problem = f'{deaths[job]} processes ended while they ran job {job}'
                             remedy = 'Check the memory, or use fewer workers'
                             raise RefusalError('jobs', f'{problem}: {error}', remedy) from error
-                        waiting.appendleft(job)
+                        waiting.appendleft(running.pop(process))
+                        feed()
                     else:
                         del running[process]
+                        # before the caller works on the result
+                        feed()
                         yield job, values['result']
         finally:
             # after an error
@@ -84,14 +90,12 @@ class Pool(Generic[Job, Result]):
 
     def _end(self, processes: Sequence[ChildProcess]) -> None:
         for process in processes:
-            del self._processes[process]
+            self._processes.pop(process, None)
             process.end()
 
 
 class Jobs(RequestLoop):
     """Runs jobs, in a child process."""
-
-    is_busy = False
 
     def begin(self, work: Callable[[Any], Any], number: int) -> None:
         """Set the function, and the number of this process."""
@@ -104,9 +108,6 @@ class Jobs(RequestLoop):
     def run(self, job: Any) -> None:
         """Run a job."""
         self._answer('done', result=self._work(job))
-
-    def take_slice(self) -> None:
-        """Do nothing: a job is not divided."""
 
 
 def process_number() -> int:

@@ -8,7 +8,6 @@ because no other process has an end of the connection. The child computes in sho
 pauses in between, up to a maximum fraction of the time.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from importlib import import_module
 import multiprocessing
@@ -85,7 +84,7 @@ def with_reply(processes: Sequence[ChildProcess], timeout: float | None) -> list
     return [process for process in processes if process.channel in ready]
 
 
-class RequestLoop(ABC):
+class RequestLoop:
     """Executes requests, which are its methods, and slices of its work in between.
 
     Attributes:
@@ -102,11 +101,10 @@ class RequestLoop(ABC):
         self._next_slice = 0.0
 
     @property
-    @abstractmethod
     def is_busy(self) -> bool:
         """True while there is work."""
+        return False
 
-    @abstractmethod
     def take_slice(self) -> None:
         """Work for about ``SLICE_WALL_TIME``."""
 

@@ -70,6 +70,19 @@ def numbered(marks: Path, job: int) -> int:
     return process_number()
 
 
+def marked(marks: Path, job: int) -> int:
+    (marks / str(job)).touch()
+    return job
+
+
+def test_process_has_the_next_job_before_its_result_is_used(tmp_path: Path) -> None:
+    with closing(Pool(partial(marked, tmp_path), 1)) as pool:
+        results = pool(range(2))
+        assert next(results) == (0, 0)
+        wait_until((tmp_path / '1').exists)
+        assert list(results) == [(1, 1)]
+
+
 def test_jobs_of_a_dead_process_are_repeated(tmp_path: Path) -> None:
     with closing(Pool(partial(dies_once, tmp_path), 1)) as pool:
         assert sorted(pool(range(3))) == [(0, 0), (1, 1), (2, 2)]

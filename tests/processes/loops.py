@@ -41,11 +41,6 @@ ERRORS = {
 class Loop(RequestLoop):
     """Executes the requests of tests."""
 
-    is_busy = False
-
-    def take_slice(self):
-        """Do nothing."""
-
     def wait(self):
         """Reply with the ID of this process."""
         self._answer('begun', pids=[os.getpid()])
