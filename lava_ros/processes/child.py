@@ -19,6 +19,7 @@ from typing import Any
 import weakref
 
 import lava_ros
+from lava_ros.errors import RefusalError
 
 #: Code of a child. The first argument of ``main`` is the descriptor of the connection.
 _CODE = 'import sys; sys.path[:] = {paths}\nfrom {module} import main; main(*sys.argv[1:])'
@@ -53,7 +54,7 @@ class Child:
             options: Further options of ``subprocess.Popen``.
 
         Raises:
-            ChildProcessError: If the system cannot start another process.
+            LavaError: If the system cannot start another process.
         """
         paths = list(dict.fromkeys(os.path.abspath(item) for item in (*sys.path, _FOLDER)))
         code = _CODE.format(paths=ascii(paths), module=module)
@@ -69,7 +70,9 @@ class Child:
                 self.pid = self.process.pid
                 self._finalizer = weakref.finalize(self, _end, self.process, self._owner)
         except OSError as error:
-            raise ChildProcessError(f'a process cannot be started: {error}') from error
+            problem = f'A child process cannot be started: {error}'
+            remedy = 'Check the memory and the limits of processes and open files'
+            raise RefusalError('child process', problem, remedy) from error
 
     @property
     def is_usable(self) -> bool:

@@ -43,7 +43,7 @@ class ChildProcess(Child):
         """Start the process; ``loop`` has the module and the name of a ``RequestLoop``.
 
         Raises:
-            ChildProcessError: If the system cannot start another process.
+            LavaError: If the system cannot start another process.
         """
         # compilers and drivers may write to stdout
         super().__init__(__name__, *loop.split(':'), stdout=sys.__stderr__)

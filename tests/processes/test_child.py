@@ -11,6 +11,7 @@ import sys
 
 import pytest
 
+from lava_ros.errors import LavaError
 from lava_ros.processes.child import Child
 from lava_ros.processes.requests import ChildProcess
 from processes.loops import reply_of
@@ -98,7 +99,7 @@ def test_process_inherits_no_descriptors(tmp_path):
 
 def test_process_that_cannot_be_started_is_reported(monkeypatch):
     monkeypatch.setattr(sys, 'executable', '/nowhere/python')
-    with pytest.raises(ChildProcessError, match=r'cannot be started: .*/nowhere/python'):
+    with pytest.raises(LavaError, match=r'cannot be started: .*/nowhere/python.*\. Check'):
         ChildProcess(LOOP)
 
 
