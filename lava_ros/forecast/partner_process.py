@@ -9,6 +9,7 @@ Its request is the method ``measure`` of ``PartnerRuns``. It replies ``measured`
 
 from collections.abc import Generator
 import queue
+import threading
 import time
 from typing import Any
 
@@ -20,7 +21,7 @@ from lava_ros.simulation.numerical_error import NumericalError
 class PartnerRuns(RequestLoop):
     """Measures an error in slices, in a fraction of one core's time."""
 
-    niceness = NICENESS
+    niceness, max_rest = NICENESS, threading.TIMEOUT_MAX
 
     def __init__(self, requests: 'queue.SimpleQueue[Request]', answer: Answer) -> None:
         """Initialize without partner runs; arguments as for ``RequestLoop``."""

@@ -27,8 +27,8 @@ from lava_ros.processes.received import receive_in_thread
 #: Niceness of a child of a node: it gets a tenth of a core that it shares with another process.
 NICENESS = 10
 
-#: Wall time of a slice, wall time between two reports of progress, and maximum pause [s].
-SLICE_WALL_TIME, REPORT_TIME, _MAX_REST = 0.05, 0.5, 60.0
+#: Wall time of a slice, and wall time between two reports of progress [s].
+SLICE_WALL_TIME, REPORT_TIME = 0.05, 0.5
 
 Request = tuple[str, dict[str, Any]]
 Answer = Callable[..., None]
@@ -89,9 +89,10 @@ class RequestLoop:
 
     Attributes:
         niceness: Increase of the niceness of its process.
+        max_rest: Maximum pause between two slices [s].
     """
 
-    niceness = 0
+    niceness, max_rest = 0, 60.0
 
     def __init__(self, requests: 'queue.SimpleQueue[Request]', answer: Answer) -> None:
         """Initialize without work; ``answer`` is called with each reply to ``requests``."""
@@ -117,7 +118,7 @@ class RequestLoop:
             begun = self.clock()
             self.take_slice()
             rest = (self.clock() - begun) * (1.0 / self._share - 1.0)
-            self._next_slice = time.monotonic() + min(rest, _MAX_REST)
+            self._next_slice = time.monotonic() + min(rest, self.max_rest)
         else:
             getattr(self, name)(**values)
 
