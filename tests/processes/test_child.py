@@ -85,6 +85,24 @@ def test_process_ends_when_its_connection_is_closed_beside_others():
         assert child.exit_status() == 0
 
 
+def test_killed_process_of_a_process_is_reported_by_its_parent():
+    child = ChildProcess(LOOP)
+    child.request('start')
+    own, other = reply_of(child)['pids']
+    os.kill(other, signal.SIGKILL)
+    with pytest.raises(ChildProcessError, match=r'killed by signal 9\)$'):
+        child.reply(PATIENCE)
+    assert own == child.pid and child.is_usable
+
+
+def test_killed_process_takes_its_own_processes_along():
+    child = ChildProcess(LOOP)
+    child.request('start')
+    own, other = reply_of(child)['pids']
+    os.kill(own, signal.SIGKILL)
+    wait_until(lambda: is_gone(other))
+
+
 def test_process_inherits_no_descriptors(tmp_path):
     with open(tmp_path / 'file', 'wb') as file:
         os.set_inheritable(file.fileno(), True)
