@@ -58,7 +58,6 @@ class Child:
         """
         paths = list(dict.fromkeys(os.path.abspath(item) for item in (*sys.path, _FOLDER)))
         code = _CODE.format(paths=ascii(paths), module=module)
-        self._owner = os.getpid()
         try:
             self.channel, theirs = self._connect()
             # the parent handles Ctrl+C in a terminal, and ends the process
@@ -68,7 +67,7 @@ class Child:
                     stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()], **options,
                 )
                 self.pid = self.process.pid
-                self._finalizer = weakref.finalize(self, _end, self.process, self._owner)
+                self._finalizer = weakref.finalize(self, _end, self.process)
         except OSError as error:
             problem = f'A child process cannot be started: {error}'
             remedy = 'Check the memory and the limits of processes and open files'
@@ -76,8 +75,8 @@ class Child:
 
     @property
     def is_usable(self) -> bool:
-        """True if the process runs and was started by this process, not by its parent."""
-        return self._owner == os.getpid() and self.process.poll() is None
+        """True if the process runs and is a child of this process, not of one that it copies."""
+        return self.process.poll() is None
 
     def exit_status(self) -> int | None:
         """Return the status of a process that has closed its connection.
@@ -105,10 +104,10 @@ class Child:
         self._finalizer()
 
 
-def _end(process: subprocess.Popen[bytes], owner: int) -> None:
-    if owner == os.getpid():
-        process.kill()
-        process.wait()
+def _end(process: subprocess.Popen[bytes]) -> None:
+    # in a copy of the parent, this does nothing
+    process.kill()
+    process.wait()
 
 
 @contextmanager

@@ -20,6 +20,13 @@ class UnloadableError(Exception):
         super().__init__(f'member {member} {problem}')
 
 
+class AlteredError(Exception):
+    """An exception whose message changes when it is rebuilt."""
+
+    def __init__(self, member):
+        super().__init__(f'member {member} is bad')
+
+
 def unpicklable():
     """Return an exception that cannot be pickled."""
     error = KeyError('member 3')
@@ -32,6 +39,7 @@ ERRORS = {
     'LavaError': (LavaError('job', 7, 'another'), LavaError, 'job is 7, expected another'),
     'OSError': (OSError(28, 'No space left'), OSError, '[Errno 28] No space left'),
     'unpicklable': (unpicklable(), RuntimeError, "KeyError: 'member 3'"),
+    'altered': (AlteredError(3), RuntimeError, 'AlteredError: member 3 is bad'),
     'unloadable': (
         UnloadableError(3, 'is bad'), RuntimeError, 'UnloadableError: member 3 is bad'
     ),
