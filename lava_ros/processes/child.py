@@ -75,7 +75,7 @@ class Child:
 
     @property
     def is_usable(self) -> bool:
-        """True if the process runs and is a child of this process, not of one that it copies."""
+        """True if the process runs, and this process is its parent and not a copy of that."""
         return self.process.poll() is None
 
     def exit_status(self) -> int | None:
