@@ -10,9 +10,10 @@ process some hundred particles. With packed arguments a launch takes 15, and in 
 Between two kernels a GPU is idle for a microsecond while the results of the first are written and
 the threads of the second are started. With few particles, most of a stage is such idle time.
 NVIDIA's programmatic dependent launch starts the second kernel where threads of the first have
-finished, and lets it wait there (``compiled.after_the_former``) until all results are readable. In
-a graph this is a type of edge between two nodes, which Warp does not create: ``overlap`` replaces
-the edges to kernels that can wait. Graphs that allocate memory cannot be changed and stay as is.
+finished, and lets it wait there (``compiled.after_previous_kernel``) until all results are
+readable. In a graph this is a type of edge between two nodes, which Warp does not create:
+``overlap`` replaces the edges to kernels that can wait. Graphs that allocate memory cannot be
+changed and stay as is.
 """
 
 from collections.abc import Callable, Collection, Sequence

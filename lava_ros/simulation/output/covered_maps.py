@@ -16,10 +16,10 @@ import warp as wp
 
 from lava_ros.scene import Terrain
 from lava_ros.scene.terrain import HALF, has_same_cells, PARTS
-from lava_ros.simulation.backend.compiled import access, mark_bits, quick_kernel
+from lava_ros.simulation.backend.compiled import access, quick_kernel
 from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.backend.threads import launch_over
-from lava_ros.simulation.output.covered_cells import note_function
+from lava_ros.simulation.output.covered_cells import mark_bits, note_function
 from lava_ros.simulation.output.inundation import squares_in, standing_cells, TOUCHED
 from lava_ros.simulation.output.window import cell_in, CellWindow, Window
 from lava_ros.simulation.particles import layout as at

@@ -15,8 +15,8 @@ import warp as wp
 
 from lava_ros.simulation.backend.compiled import (
     access,
-    can_count,
     load_int,
+    on_cuda,
     write_function,
     writing,
 )
@@ -119,6 +119,11 @@ def border_functions(real: Any) -> tuple[Any, Any, Any]:
     return is_known, side_of, volume_lost
 
 
+@wp.func_native(on_cuda('return true;', 'return false;'))
+def _can_count() -> bool:
+    """Return True if many threads may count together: on the CPU Warp's atomics are not atomic."""
+
+
 @lru_cache
 def bin_function(real: Any, has_empty: bool) -> Any:
     """Return the device function that assigns a particle to its cell."""
@@ -150,10 +155,10 @@ def bin_function(real: Any, has_empty: bool) -> Any:
                 near = sides_near(m.cells, p[0], p[1])
                 if near != 0:
                     wp.atomic_or(m.counts, at.NEAR_BORDER, near)
-            elif can_count():
+            elif _can_count():
                 wp.atomic_add(m.left, side_of(m.ground, p[0], p[1]), volume_lost(p))
         m.cell[i] = c
-        if can_count():
+        if _can_count():
             m.rank[i] = wp.atomic_add(m.cells.sizes, c, 1)
 
     return place

@@ -17,9 +17,25 @@ import numpy as np
 import warp as wp
 
 from lava_ros.scene import Terrain
-from lava_ros.simulation.backend.compiled import load9
 from lava_ros.simulation.backend.memory import shared_array
 from lava_ros.simulation.particles.layout import arguments_type, centre_of, ground_type, REAL
+
+#: Strides of a 2-D array are in bytes.
+_PATCH = """
+    wp::mat_t<3, 3, NUMBER> patch;
+    for (int n = 0; n < 3; ++n) {
+        const NUMBER* row = reinterpret_cast<const NUMBER*>(
+            reinterpret_cast<const char*>(values.data) + size_t(i + n) * values.strides[0]) + j;
+        for (int m = 0; m < 3; ++m) {
+#if defined(__CUDA_ARCH__)
+            patch.data[n][m] = __ldg(row + m);
+#else
+            patch.data[n][m] = row[m];
+#endif
+        }
+    }
+    return patch;
+"""
 
 
 def known_on(terrain: Terrain, device: Any) -> Any:
@@ -195,10 +211,21 @@ class TerrainFunctions(NamedTuple):
 
 
 @lru_cache
+def _patch_function(real: Any) -> Any:
+    """Return the device function that reads rows i to i + 2, columns j to j + 2 of a 2-D array."""
+    mat33 = wp.types.matrix((3, 3), real)
+
+    @wp.func_native(_PATCH.replace('NUMBER', f'wp::{real.__name__}'))
+    def load(values: wp.array2d(dtype=real), i: int, j: int) -> mat33: ...
+
+    return load
+
+
+@lru_cache
 def terrain_functions(real: Any) -> TerrainFunctions:
     """Return the functions for gradient, curvature and height."""
     vec2 = wp.types.vector(2, real)
-    patch = load9(real)
+    patch = _patch_function(real)
 
     @wp.func
     def spline(n: int, t: real) -> real:

@@ -4,6 +4,7 @@
 """Steps of the flow on cells: order, laws, volume and borders."""
 
 from dataclasses import replace
+from functools import lru_cache
 import math
 
 import numpy as np
@@ -12,10 +13,19 @@ import warp as wp
 
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import Scene, Terrain
-from lava_ros.simulation.cells.flow import step_kernel
+from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import lay_ground
 from lava_ros.simulation.cells.heat import HeatState
-from lava_ros.simulation.cells.state import CellState, LENGTH, LIMITED, STAGES, STEPS, TIME
+from lava_ros.simulation.cells.state import (
+    Cells,
+    CellState,
+    LENGTH,
+    LIMITED,
+    STAGES,
+    STEPS,
+    TARGET,
+    TIME,
+)
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import GRAVITY, ISOTHERMAL, NU
 
@@ -32,6 +42,21 @@ def centres(half, cell):
     """Return x and y of the cells of a square around (0, 0) [m]."""
     line = np.arange(-half + 0.5 * cell, half, cell)
     return np.meshgrid(line, line)
+
+
+@lru_cache
+def steps_kernel(effects, *, is_uniform):
+    """Return the kernel that takes steps until ``clock[TARGET]``, or a number of them."""
+    step = step_function(effects, is_uniform=is_uniform)
+
+    @wp.kernel(module='unique', enable_backward=False, grid_stride=False)
+    def take_steps(s: Cells, most: int):
+        for _ in range(most):
+            if s.clock[TIME] >= s.clock[TARGET]:
+                break
+            step(s)
+
+    return take_steps
 
 
 def lava_on(
@@ -51,7 +76,7 @@ def lava_on(
     state.box.assign(np.array([0, rows - 1, 0, columns - 1], dtype=np.int32))
     state.vent_box.assign(np.array([0, -1, 0, -1], dtype=np.int32))
     state.peaks.assign([thickness.max(), 0.0])
-    kernel = step_kernel(effects, is_uniform=np.ptp(viscosity) == 0.0)
+    kernel = steps_kernel(effects, is_uniform=bool(np.ptp(viscosity) == 0.0))
 
     def advance(until, longest=1e9, steps=10**7):
         clock = state.clock.numpy()
