@@ -19,7 +19,6 @@ from functools import lru_cache
 from typing import Any
 
 from lava_ros.effects.effect import Effect, number
-from lava_ros.effects.scales import footprint_change, thickness_change
 
 EFFECT = Effect(
     rank=110,
@@ -28,8 +27,7 @@ EFFECT = Effect(
     number=lambda scales: scales.heat_lost,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
-    cost=footprint_change(0.03),
-    thickness_cost=thickness_change(0.03),
+    speed_error=0.03,
     source='column at rest',
     no_case='no closed solution; its test integrates the balance',
     exists=lambda lava: lava.radiates and lava.crust_cover > 0.0,

@@ -29,7 +29,6 @@ from typing import Any
 
 from lava_ros.effects.effect import Effect, flag
 from lava_ros.effects.protocols import Lava
-from lava_ros.effects.scales import footprint_change, thickness_change
 from lava_ros.errors import LavaError
 
 #: Minimum conductivity of a crust [W/(m K)]; lower ones are replaced by it.
@@ -51,8 +50,7 @@ EFFECT = Effect(
     number=lambda scales: scales.heat_lost,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
-    cost=footprint_change(0.03),
-    thickness_cost=thickness_change(0.03),
+    speed_error=0.03,
     source='column at rest',
     exists=lambda lava: lava.radiates and lava.crust,
     replaces=('cooling',),

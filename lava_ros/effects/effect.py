@@ -13,7 +13,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.effects.protocols import Lava, Scene
-from lava_ros.effects.scales import Scales
+from lava_ros.effects.scales import footprint_change, Scales, thickness_change
 from lava_ros.errors import LavaError
 
 
@@ -139,10 +139,8 @@ class Effect:
         needs_extent: True if the number is meaningless before the lava has left its vent.
         threshold: Number above which the effect is on; infinite if it is on only by request.
         admits: Error of omitting the effect where the number is at the threshold.
-        cost: That error as the largest fraction of the inundated area that changes: cells that
-            lava covers either with or without the effect. It is proportional to the number.
-        thickness_cost: That error as the largest fraction of the mean thickness, such as the
-            height of a dome, that changes.
+        speed_error: That error as a fraction of the speed.
+        extent_error: That error as a fraction of the length or width of the flow.
         source: Source of threshold and cost.
         no_case: Why no case of ``lava check solver`` has it; empty if one does.
         exists: Function that returns True if a lava has the effect. An effect with an
@@ -184,8 +182,8 @@ class Effect:
     needs_extent: bool = False
     threshold: float = 0.0
     admits: str = ''
-    cost: float = 0.0
-    thickness_cost: float = 0.0
+    speed_error: float = 0.0
+    extent_error: float = 0.0
     source: str = ''
     no_case: str = ''
     exists: Callable[[Lava], bool] = lambda lava: True
@@ -212,6 +210,19 @@ class Effect:
     arrays: Mapping[str, Array] = field(default_factory=dict)
     removes_particles: bool = False
     benchmark: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def cost(self) -> float:
+        """Largest fraction of the inundated area that changes, for a number at the threshold.
+
+        Cells change that lava covers either with or without the effect.
+        """
+        return self.extent_error + footprint_change(self.speed_error)
+
+    @property
+    def thickness_cost(self) -> float:
+        """The same for the mean thickness, such as the height of a dome."""
+        return self.extent_error + thickness_change(self.speed_error)
 
     @property
     def needs_particles(self) -> bool:
