@@ -224,8 +224,7 @@ def sums_function(
     The sums (``sum_neighbors``) are of the ``terms`` of a ``SmoothingKernel``. With ``has_heat``
     there is a fourth one: thickness times the excess temperature of the neighbour.
     """
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec3, vec4 = (wp.types.vector(n, real) for n in (3, 4))
     terms = kernel.terms
     load, _ = access(real, 4)
     sums_type = vec4 if has_heat else vec3

@@ -48,6 +48,7 @@ from lava_ros.simulation.backend.compiled import (
     raise_to,
     sum_over,
 )
+from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.cells import (
     cell_functions,
     sum_neighbors,
@@ -55,15 +56,7 @@ from lava_ros.simulation.particles.cells import (
     wide_sums_function,
 )
 from lava_ros.simulation.particles.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
-from lava_ros.simulation.particles.layout import (
-    ADVECTION,
-    age_at,
-    arguments_type,
-    DIFFUSION,
-    PARTICLES,
-    STAGE,
-    TIME,
-)
+from lava_ros.simulation.particles.layout import age_at, arguments_type
 from lava_ros.simulation.particles.terrain import fall_function, terrain_functions
 
 #: Slope of an even layer at its edge, over the thickness there and times the kernel's radius.
@@ -73,9 +66,7 @@ _EDGE = 3.0
 @lru_cache
 def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     """Return the device function from a surface gradient to velocity, drive and rates."""
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec3, vec4 = (wp.types.vector(n, real) for n in (2, 3, 4))
     _, store = access(real, 4)
     viscosity = viscosity_function(wp, real, effects)
     _, x_k1 = bessel(real)
@@ -114,7 +105,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
                 column.slope = layer[1]
                 on_map = layer[2]
             if wp.static(has_age):
-                column.age = real(age_at(m.clock[TIME], m.ordered_emission_time[i]))
+                column.age = real(age_at(m.clock[at.TIME], m.ordered_emission_time[i]))
             response = on_map * speed(m.law, weight, column)
             mobility = response[0]
             largest = response[1]
@@ -164,10 +155,10 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             # the balance of momentum needs the slope, and has its own limits
             m.flow[i] = vec3(height, surface.x, surface.y)
         else:
-            raised(m.rates, DIFFUSION, rate)
+            raised(m.rates, at.DIFFUSION, rate)
             if wp.static(not helmholtz):
                 # the speed under lateral stress is known only after it is solved
-                raised(m.rates, ADVECTION, wp.length(bounded) / m.constants.reach)
+                raised(m.rates, at.ADVECTION, wp.length(bounded) / m.constants.reach)
 
     return balance
 
@@ -211,8 +202,7 @@ def _energy_kernel(
     real: Any, kernel_name: str, effects: Effects, lanes: int, parts: int, is_short: bool,
     is_wide: bool, has_heat: bool,
 ) -> Any:
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
+    vec2, vec3 = (wp.types.vector(n, real) for n in (2, 3))
     kernel = smoothing_kernel(kernel_name, real)
     norm, excess = kernel.norm, kernel.excess
     shape_factor, slope_factor = kernel.factors
@@ -236,7 +226,7 @@ def _energy_kernel(
     def thickness_and_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes
-        if i >= m.counts[PARTICLES]:
+        if i >= m.counts[at.PARTICLES]:
             return
         p = load(m.ordered, i)
         radius = m.constants.radius
@@ -247,7 +237,7 @@ def _energy_kernel(
         warmer = real(0.0)
         if wp.static(has_heat):
             # in the course of a step it stays with the particle
-            if m.counts[STAGE] == 0:
+            if m.counts[at.STAGE] == 0:
                 more = sums_with_heat(lane, m.ordered, m.cells, box, p, inverse)
                 sums = vec3(more[0], more[1], more[2])
                 warmer = total(more[3])
@@ -267,7 +257,7 @@ def _energy_kernel(
         ground = gradient_at(m.ground, p[0], p[1])
         rise = vec2(rise_x, rise_y) * (scale * inverse)
         if wp.static(has_heat):
-            if m.counts[STAGE] == 0:
+            if m.counts[at.STAGE] == 0:
                 mean = mean_temperature(p[3], warmer, rise, height, radius)
                 m.ordered_mean_temperature[i] = mean
             else:
@@ -279,9 +269,7 @@ def _energy_kernel(
 
 @lru_cache
 def _elevation_kernel(real: Any, kernel_name: str, lanes: int, parts: int) -> Any:
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec3, vec4 = (wp.types.vector(n, real) for n in (2, 3, 4))
     kernel = smoothing_kernel(kernel_name, real)
     norm, shape, excess = kernel.norm, kernel.shape, kernel.excess
     height_at = terrain_functions(real).height_at
@@ -305,7 +293,7 @@ def _elevation_kernel(real: Any, kernel_name: str, lanes: int, parts: int) -> An
         """Compute thickness, surface elevation and area V / h of each particle."""
         i = thread // lanes
         lane = thread % lanes
-        if i >= m.counts[PARTICLES]:
+        if i >= m.counts[at.PARTICLES]:
             return
         p = load(m.ordered, i)
         radius = m.constants.radius
@@ -326,8 +314,7 @@ def _elevation_kernel(real: Any, kernel_name: str, lanes: int, parts: int) -> An
 def _balanced_kernel(
     real: Any, kernel_name: str, effects: Effects, lanes: int, parts: int, has_heat: bool
 ) -> Any:
-    vec2 = wp.types.vector(2, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec4 = (wp.types.vector(n, real) for n in (2, 4))
     vec10 = wp.types.vector(10, real)
     mat22 = wp.types.matrix((2, 2), real)
     kernel = smoothing_kernel(kernel_name, real)
@@ -373,7 +360,7 @@ def _balanced_kernel(
     def balanced_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes
-        if i >= m.counts[PARTICLES]:
+        if i >= m.counts[at.PARTICLES]:
             return
         p = load(m.ordered, i)
         radius = m.constants.radius

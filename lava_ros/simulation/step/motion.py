@@ -88,8 +88,7 @@ def _heating_function(form: Form, effects: Effects) -> Any:
     warming, column_struct = warming_function(wp, real, effects), column_type(real)
     if warming is None:
         return None
-    vec2 = wp.types.vector(2, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec4 = (wp.types.vector(n, real) for n in (2, 4))
     gradient_at, _, height_at, *_ = terrain_functions(real)
     cosine_squared = effects.function('cosine_squared', real)
     ages_in_place, has_speed = effects.any('ages_in_place'), effects.any('needs_speed')
@@ -162,8 +161,7 @@ def motion_function(form: Form, effects: Effects) -> Any:
     place = bin_function(real, False)
     load, store = compiled.access(real, 4)
     load_pair, store_pair = compiled.access(real, 2)
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec3, vec4 = (wp.types.vector(n, real) for n in (3, 4))
     heated = _heating_function(form, effects)
     note, freezes = note_function(real, False), effects.any('freezes')
 

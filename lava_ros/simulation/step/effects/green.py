@@ -66,8 +66,7 @@ def _sums_function(real: Any, parts: int, lanes: int | None = None) -> Any:
     The sums are those of ``sum_neighbors``. Distances are in the units of ``K0Within``, ``least``
     is the minimum square of one, ``powers`` the values that K0 needs of k.
     """
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec3, vec4 = (wp.types.vector(n, real) for n in (3, 4))
     (load, _), load_number = access(real, 4), load1(real)
     within = k0_within(real)
     k0, k0_powers = within.at, within.powers
@@ -131,8 +130,7 @@ def _velocity_function(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
     A particle has as many threads as lanes, and only the first one's result counts; its neighbours
     are summed in parts.
     """
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec3, vec4 = (wp.types.vector(n, real) for n in (3, 4))
     cells_around = cell_functions(real).cells_around
     _, x_k1 = bessel(real)
     within = k0_within(real)
@@ -170,8 +168,7 @@ def _velocity_function(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
 
 @lru_cache
 def _velocity_kernel(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
+    vec2, vec3 = (wp.types.vector(n, real) for n in (2, 3))
     (load, _), load_number = access(real, 4), load1(real)
     velocity_of = _velocity_function(real, lanes, parts, is_wide)
     fallen = fall_function(real)
@@ -200,8 +197,7 @@ def _motion_kernel(
     choose_and_emit: Any,
     bounds: tuple[int, int] | None,
 ) -> Any:
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
+    vec2, vec3 = (wp.types.vector(n, real) for n in (2, 3))
     (load, _), load_number = access(real, 4), load1(real)
     velocity_of = _velocity_function(real, lanes, parts, is_wide)
     fallen = fall_function(real)

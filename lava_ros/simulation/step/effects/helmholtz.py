@@ -37,15 +37,10 @@ from lava_ros.simulation.backend.compiled import (
 )
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
+from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.cells import cell_functions, sum_neighbors
 from lava_ros.simulation.particles.kernels import smoothing_kernel, SmoothingKernel
-from lava_ros.simulation.particles.layout import (
-    ADVECTION,
-    arguments_type,
-    cell_frame,
-    PARTICLES,
-    THICKEST,
-)
+from lava_ros.simulation.particles.layout import arguments_type, cell_frame
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import (
     fall_function,
@@ -78,9 +73,7 @@ def _sums_function(
     The sums are those of ``sum_neighbors``. F is without ``norm``, ``factor`` and l^4; the pull is
     the sum weighted by u_j - u_i. The particle is its own neighbour.
     """
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec3, vec4 = (wp.types.vector(n, real) for n in (2, 3, 4))
     terms = kernel.terms
     (load, _), (load_pair, _) = access(real, 4), access(real, 2)
 
@@ -145,9 +138,7 @@ def _kernels(
     is_wide: bool,
     steep: Any,
 ) -> tuple[Any, Any, Any]:
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec3, vec4 = (wp.types.vector(n, real) for n in (2, 3, 4))
     kernel = smoothing_kernel(kernel_name, real)
     factor = -kernel.norm * kernel.factors[1]
     terms = kernel.terms
@@ -162,7 +153,7 @@ def _kernels(
     @quick_kernel(writes='layer solution correction flow')
     def start(i: int, m: arguments_type(real)):
         """Start from the local velocity; store the values that a sweep reads contiguously."""
-        if i < m.counts[PARTICLES]:
+        if i < m.counts[at.PARTICLES]:
             p = load(m.ordered, i)
             f = m.flow[i]
             store(m.layer, i, vec4(p[0], p[1], p[2] / f[0], f[0]))
@@ -187,7 +178,7 @@ def _kernels(
         """Run one Chebyshev sweep: the residual over the diagonal, plus momentum."""
         i = thread // lanes
         lane = thread % lanes
-        if i >= m.counts[PARTICLES]:
+        if i >= m.counts[at.PARTICLES]:
             return
         p = load(m.layer, i)
         u = solution[i]
@@ -211,11 +202,11 @@ def _kernels(
 
     @quick_kernel(writes='flow rates')
     def finish(i: int, m: arguments_type(real), solution: wp.array(dtype=vec2)):
-        if i < m.counts[PARTICLES]:
+        if i < m.counts[at.PARTICLES]:
             p = load(m.layer, i)
             u = fallen(solution[i], p[3], vec2(p[0], p[1]), m)
             m.flow[i] = vec3(p[3], u[0], u[1])
-            raised(m.rates, ADVECTION, wp.length(u) / m.constants.reach)
+            raised(m.rates, at.ADVECTION, wp.length(u) / m.constants.reach)
 
     return start, sweep, finish
 
@@ -256,7 +247,7 @@ class Part(DevicePart):
         """Compute the weights of the sweeps for the expected thickness."""
         super().__init__(scene, accuracy, terrain, state)
         assert accuracy.thickness is not None
-        self._weights = _schedule(THICKEST * accuracy.thickness, accuracy.radius)
+        self._weights = _schedule(at.THICKEST * accuracy.thickness, accuracy.radius)
 
     def compute_velocity(self, arguments: Any) -> None:
         """Replace the local velocity in ``flow`` by the solution, and raise ``rates`` to it."""
