@@ -77,9 +77,7 @@ def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
     vec2 = wp.types.vector(2, real)
 
     @wp.func
-    def resistance(
-        constants: constants_type, thickness: real, age: real, power: real
-    ) -> real:
+    def resistance(constants: constants_type, thickness: real, age: real, power: real) -> real:
         """R times rho c [s/m], for a surface that cools as a power of time."""
         # Gamma(1 + m) / Gamma(1/2 + m), to 1e-3 for m from 0 to 1/2
         c = real(0.5642) + power * (real(0.76) - real(0.232) * power)
@@ -106,9 +104,7 @@ def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
             cube = surface * surface * surface
             flux = radiation * (cube * surface - fourth) + convection * (surface - ambient)
             steepness = real(4.0) * radiation * cube + convection
-            r = resistance(
-                constants, thickness, age, real(0.5) / (real(1.0) + r * steepness)
-            )
+            r = resistance(constants, thickness, age, real(0.5) / (real(1.0) + r * steepness))
             surface -= (r * flux + surface - temperature) / (r * steepness + real(1.0))
         # two conductances in series
         square = surface * surface + ambient * ambient

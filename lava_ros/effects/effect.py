@@ -19,9 +19,7 @@ from lava_ros.errors import LavaError
 
 def number(default: float | None, text: str, least: float, most: float, unit: str = '') -> Any:
     """Return a dataclass field that is a number within limits, or its default of None."""
-    return field(
-        default=default, metadata={'text': text, 'limits': (least, most), 'unit': unit}
-    )
+    return field(default=default, metadata={'text': text, 'limits': (least, most), 'unit': unit})
 
 
 def choice(default: str, text: str, choices: Iterable[str]) -> Any:
@@ -62,9 +60,7 @@ def check_fields(label: str, item: Any) -> None:
             validation.flag(name, value)
 
 
-def with_fields(
-    more: Callable[[Iterable[str]], Mapping[str, Any]]
-) -> Callable[[type], type]:
+def with_fields(more: Callable[[Iterable[str]], Mapping[str, Any]]) -> Callable[[type], type]:
     """Return a decorator that gives a class more fields before it becomes a dataclass.
 
     Args:

@@ -76,9 +76,7 @@ def heat_of(scene: Scene, effects: Effects, real: Any) -> Any:
 
 
 @lru_cache
-def warming_function(
-    wp: Any, real: Any, effects: Effects, *, is_straight: bool = False
-) -> Any:
+def warming_function(wp: Any, real: Any, effects: Effects, *, is_straight: bool = False) -> Any:
     """Return the function for the change of temperature in a step [K], None if there is none.
 
     Its arguments: the constants, the column with its drop and speed during the step, its

@@ -136,9 +136,7 @@ class Rheology:
         values, viscosity, _ = _on_host(self)
         return float(viscosity(values, temperature))
 
-    def strength_at(
-        self, temperature: float, thickness: float = 1.0, age: float = 0.0
-    ) -> float:
+    def strength_at(self, temperature: float, thickness: float = 1.0, age: float = 0.0) -> float:
         """Return the yield strength [Pa] of a column.
 
         Args:
@@ -149,9 +147,7 @@ class Rheology:
         values, _, strength = _on_host(self)
         if strength is None:
             return 0.0
-        column = SimpleNamespace(
-            temperature=temperature, normal_thickness=thickness, age=age
-        )
+        column = SimpleNamespace(temperature=temperature, normal_thickness=thickness, age=age)
         return float(strength(values, column))
 
 

@@ -108,9 +108,7 @@ class Simulation:
         self._is_interrupted = False
         used = device_of(device, given.method)
         self._choice = EffectChoice(effects, horizon)
-        self.accuracy = resolved_accuracy(
-            given, scene, self._choice.all_forced(), horizon=horizon
-        )
+        self.accuracy = resolved_accuracy(given, scene, self._choice.all_forced(), horizon=horizon)
         chosen = self._choice.first(scene, self.accuracy)
         with naming_the_cause(scene, given):
             self._solver = SOLVERS[self.accuracy.method](scene, chosen, self.accuracy, used)

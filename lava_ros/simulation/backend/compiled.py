@@ -210,12 +210,8 @@ def _for_many(
 
 
 def _kernel_of(
-    body: Any,
-    function: Callable[..., None],
-    bounds: tuple[int, int] | None,
-    fast_math: bool,
-    types: Mapping[str, Any],
-    *lines: str,
+    body: Any, function: Callable[..., None], bounds: tuple[int, int] | None, fast_math: bool,
+    types: Mapping[str, Any], *lines: str,
 ) -> Any:
     """Write a kernel of a function: arguments by name, and the lines that call the function."""
     return wp.kernel(
@@ -316,9 +312,7 @@ def past_the_cache(values: wp.array(dtype=wp.int32), i: int) -> int:
     """
 
 
-@wp.func_native(
-    on_cuda('return blockIdx.x * blockDim.x + threadIdx.x;', 'return first + i;')
-)
+@wp.func_native(on_cuda('return blockIdx.x * blockDim.x + threadIdx.x;', 'return first + i;'))
 def counted_from(first: int, i: int) -> int:
     """Return the number of thread i, which on the CPU counts from ``first`` (threads.py).
 

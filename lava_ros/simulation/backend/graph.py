@@ -127,12 +127,7 @@ class Launches:
             self.launched += 1
 
     def __call__(
-        self,
-        kernel: Any,
-        arguments: Sequence[Any],
-        *,
-        dim: int = 1,
-        block_dim: int | None = None,
+        self, kernel: Any, arguments: Sequence[Any], *, dim: int = 1, block_dim: int | None = None,
         is_over_particles: bool = False,
     ) -> None:
         """Launch the first ``dim`` threads of a ``compiled.quick_kernel``.

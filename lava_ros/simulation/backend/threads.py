@@ -130,14 +130,8 @@ class Extent(Protocol):
 
 
 def launch_over(
-    state: Extent,
-    kernel: Any,
-    arguments: Sequence[Any],
-    *,
-    min_items: int = MIN_SUMS,
-    lanes: int = 1,
-    ahead: int = 0,
-    count: int | None = None,
+    state: Extent, kernel: Any, arguments: Sequence[Any], *, min_items: int = MIN_SUMS,
+    lanes: int = 1, ahead: int = 0, count: int | None = None,
 ) -> None:
     """Launch a kernel over the particles of a state, or ``count`` other items, such as cells.
 

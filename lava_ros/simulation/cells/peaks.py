@@ -38,9 +38,7 @@ class CellPeaks:
             moved = np.pad(into(values), 1).astype(np.float32)
             own.assign(np.fmax(own.numpy(), moved))
 
-    def on_terrain(
-        self, onto: Callable[[np.ndarray], np.ndarray], rows: slice
-    ) -> np.ndarray:
+    def on_terrain(self, onto: Callable[[np.ndarray], np.ndarray], rows: slice) -> np.ndarray:
         """Return thickness and temperature on some of the terrain's cells: [2, rows, columns].
 
         In a cell of several smaller ones it is the mean of their peaks, and the temperature by

@@ -29,9 +29,7 @@ class CellVents:
         weights: Fraction of the lava of each vent that comes out in each of these cells.
     """
 
-    def __init__(
-        self, vents: tuple[Vent, ...], grid: Terrain, since: float, rise: float
-    ) -> None:
+    def __init__(self, vents: tuple[Vent, ...], grid: Terrain, since: float, rise: float) -> None:
         """Distribute the vents over the cells.
 
         Args:
@@ -82,9 +80,7 @@ class CellVents:
 
 
 @lru_cache(maxsize=8)
-def _weights_of(
-    vent: VentShape, grid: Terrain, rise: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _weights_of(vent: VentShape, grid: Terrain, rise: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the cells in which the lava of a vent comes out, and the fraction in each.
 
     Members of an ensemble share the result.

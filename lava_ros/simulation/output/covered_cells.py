@@ -91,9 +91,7 @@ def note_function(real: Any, is_new: bool) -> Any:
         return wp.clamp(place - cell * wp.static(PARTS), 0, wp.static(PARTS))
 
     @wp.func
-    def bits_of(
-        south: int, north: int, west: int, east: int, row: int, column: int
-    ) -> int:
+    def bits_of(south: int, north: int, west: int, east: int, row: int, column: int) -> int:
         """Return the bits of a cell's squares in a rectangle of squares, counted among all."""
         # bits of the first column of squares before the first row of them and up to the last one
         below = (1 << (wp.static(PARTS) * squares_before(south, row))) - 1

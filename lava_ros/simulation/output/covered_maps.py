@@ -59,12 +59,9 @@ def _kernel(real: Any) -> Any:
 # without new bits covered stays as it is: they are only counted
 @quick_kernel(writes='maps covered')
 def _show(
-    thread: int,
-    arrived: wp.array2d(dtype=wp.float32),
-    half_inundated: wp.array2d(dtype=wp.float32),
-    covered: wp.array2d(dtype=wp.int32),
-    maps: wp.array3d(dtype=wp.float32),
-    window: CellWindow,
+    thread: int, arrived: wp.array2d(dtype=wp.float32),
+    half_inundated: wp.array2d(dtype=wp.float32), covered: wp.array2d(dtype=wp.int32),
+    maps: wp.array3d(dtype=wp.float32), window: CellWindow,
 ):
     cell = cell_in(window, thread)
     i, j = cell[0], cell[1]

@@ -47,14 +47,10 @@ def _kernel(real: Any) -> Any:
 
     @wp.kernel(module='unique', enable_backward=False)
     def gather(
-        particle: wp.array(dtype=vec4),
-        clock: wp.array(dtype=wp.float64),
-        counts: wp.array(dtype=wp.int32),
-        left: wp.array(dtype=wp.float64),
-        placed: wp.array2d(dtype=wp.int64),
-        placed_unit: wp.float64,
-        released: wp.array(dtype=wp.int32),
-        numbers: wp.array(dtype=wp.float64),
+        particle: wp.array(dtype=vec4), clock: wp.array(dtype=wp.float64),
+        counts: wp.array(dtype=wp.int32), left: wp.array(dtype=wp.float64),
+        placed: wp.array2d(dtype=wp.int64), placed_unit: wp.float64,
+        released: wp.array(dtype=wp.int32), numbers: wp.array(dtype=wp.float64),
     ):
         t = wp.tid()
         total = wp.float64(0.0)

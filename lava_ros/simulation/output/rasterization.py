@@ -84,12 +84,8 @@ def _weigh_kernel(real: Any, kernel_name: str) -> Any:
 
     @quick_kernel(writes='thickness temperature', fast_math=False)
     def weigh(
-        thread: int,
-        m: arguments_type(real),
-        exact: ground_type(wp.float64),
-        radius: wp.float64,
-        thickness: wp.array2d(dtype=wp.float32),
-        temperature: wp.array2d(dtype=wp.float32),
+        thread: int, m: arguments_type(real), exact: ground_type(wp.float64), radius: wp.float64,
+        thickness: wp.array2d(dtype=wp.float32), temperature: wp.array2d(dtype=wp.float32),
         window: CellWindow,
     ):
         """Weigh the covered cells, and mark those not covered but with lava in reach."""
@@ -163,10 +159,7 @@ def _share_out_kernel(real: Any, kernel_name: str) -> Any:
 
     @quick_kernel(writes='contribution home', fast_math=False)
     def share_out(
-        k: int,
-        m: arguments_type(real),
-        exact: ground_type(wp.float64),
-        radius: wp.float64,
+        k: int, m: arguments_type(real), exact: ground_type(wp.float64), radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
     ):
         """Find a particle's volume per unit of weight, or for the cell in which it lies."""
@@ -223,12 +216,8 @@ def _gather_kernel(real: Any, kernel_name: str) -> Any:
 
     @quick_kernel(writes='thickness temperature arrived', fast_math=False)
     def gather(
-        thread: int,
-        m: arguments_type(real),
-        exact: ground_type(wp.float64),
-        radius: wp.float64,
-        thickness: wp.array2d(dtype=wp.float32),
-        temperature: wp.array2d(dtype=wp.float32),
+        thread: int, m: arguments_type(real), exact: ground_type(wp.float64), radius: wp.float64,
+        thickness: wp.array2d(dtype=wp.float32), temperature: wp.array2d(dtype=wp.float32),
         window: CellWindow,
     ):
         """Sum the particles' contributions to a cell, and their mean temperature."""
@@ -281,11 +270,7 @@ def _gather_kernel(real: Any, kernel_name: str) -> Any:
 
 
 @quick_kernel(writes='grids')
-def _clear(
-    thread: int,
-    known: wp.array2d(dtype=wp.uint8),
-    grids: wp.array3d(dtype=wp.float32),
-):
+def _clear(thread: int, known: wp.array2d(dtype=wp.uint8), grids: wp.array3d(dtype=wp.float32)):
     """Let grids show no lava on cells with data, and nothing on others."""
     i = thread // known.shape[1]
     j = thread % known.shape[1]
@@ -312,13 +297,7 @@ class Raster:
     COUNT = 2
 
     def __init__(
-        self,
-        terrain: StaggeredTerrain,
-        radius: float,
-        kernel: str,
-        device: Any,
-        *,
-        reach: float,
+        self, terrain: StaggeredTerrain, radius: float, kernel: str, device: Any, *, reach: float,
         more: int = 0,
     ) -> None:
         """Allocate the grids.

@@ -144,9 +144,7 @@ class ParticleLava:
 
     def build_stage(self) -> None:
         """Collect the kernels of the effects for the state, the terrain and the grids."""
-        self.stage = Stage(
-            self.scene, self.accuracy, self.state, self.neighbors, self.terrain
-        )
+        self.stage = Stage(self.scene, self.accuracy, self.state, self.neighbors, self.terrain)
 
     def own_terrain(self) -> RaisedTerrain:
         """Return the ground that solidified lava can raise, after allocating it if necessary."""

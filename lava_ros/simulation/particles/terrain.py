@@ -108,9 +108,7 @@ def _raise(real: Any) -> Any:
     return raise_top
 
 
-def sampled(
-    values: np.ndarray, before: Terrain, after: Terrain, *, outside: float
-) -> np.ndarray:
+def sampled(values: np.ndarray, before: Terrain, after: Terrain, *, outside: float) -> np.ndarray:
     """Sample values at the middles of the cells of another terrain, from the cells around them.
 
     ``values`` have the shape of the terrain ``before``; cells beyond it become ``outside``.
@@ -137,9 +135,7 @@ def averaged(values: np.ndarray, before: Terrain, after: Terrain) -> np.ndarray:
     return np.ascontiguousarray(values)
 
 
-def _averaged_along(
-    axis: int, values: np.ndarray, before: Terrain, after: Terrain
-) -> np.ndarray:
+def _averaged_along(axis: int, values: np.ndarray, before: Terrain, after: Terrain) -> np.ndarray:
     """Return the means along the columns (axis 0) or the rows of a grid."""
     side = 1 - axis
     offset = (after.origin[side] - before.origin[side]) / before.resolution

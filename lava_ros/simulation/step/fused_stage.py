@@ -42,9 +42,7 @@ BOUNDS = {True: FEW_THREADS, False: (DIRECTORS, 6)}
 def _function(real: Any, choose: Any, emission: Any, emitters: int) -> Any:
     @wp.func
     @writing('chosen', choose, emission)
-    def choose_and_emit(
-        thread: int, pace: Pace, outlets: Outlets, m: arguments_type(real)
-    ):
+    def choose_and_emit(thread: int, pace: Pace, outlets: Outlets, m: arguments_type(real)):
         if thread == 0:
             choose(pace, m)
         announce(m.chosen)
@@ -58,9 +56,7 @@ def _function(real: Any, choose: Any, emission: Any, emitters: int) -> Any:
 @lru_cache
 def _kernel(real: Any, function: Any) -> Any:
     @quick_kernel(writes=function)
-    def choose_stage(
-        thread: int, pace: Pace, outlets: Outlets, m: arguments_type(real)
-    ):
+    def choose_stage(thread: int, pace: Pace, outlets: Outlets, m: arguments_type(real)):
         function(thread, pace, outlets, m)
 
     return choose_stage

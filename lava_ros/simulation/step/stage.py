@@ -104,9 +104,7 @@ class Stage:
         if self._pace is None or self._pace[0] is not scene or self._pace[1] is not vents:
             accuracy, device = self._accuracy, self._state.device
             pace = timestep.Pace()
-            pace.longest = longest_step(
-                scene, accuracy, self._effects, self.constants.reach
-            )
+            pace.longest = longest_step(scene, accuracy, self._effects, self.constants.reach)
             pace.ends, pace.limits = (
                 wp.array(column, dtype=wp.float64, device=device)
                 for column in vents.step_limits.T[:2]

@@ -258,13 +258,9 @@ def choice_function(form: Form, freezes: bool) -> Any:
                 n = wp.float64(j)
                 mu = (wp.float64(2.0) * n - one) / n * _b(j, order) / _b(j - 1, order)
                 m.stage[at.FORMER] = real(mu)
-                m.stage[at.BEFORE_FORMER] = real(
-                    -(n - one) / n * _b(j, order) / _b(j - 2, order)
-                )
+                m.stage[at.BEFORE_FORMER] = real(-(n - one) / n * _b(j, order) / _b(j - 2, order))
                 m.stage[at.VELOCITY] = real(mu * w * step)
-                m.stage[at.FIRST_VELOCITY] = real(
-                    -(one - _b(j - 1, order)) * mu * w * step
-                )
+                m.stage[at.FIRST_VELOCITY] = real(-(one - _b(j - 1, order)) * mu * w * step)
         if j == s:
             m.counts[at.IS_LAST] = 1
             m.counts[at.STAGE] = 0

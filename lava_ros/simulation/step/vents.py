@@ -115,14 +115,8 @@ class VentSet:
     """
 
     def __init__(
-        self,
-        vents: tuple[Vent, ...],
-        terrain: Terrain,
-        accuracy: Accuracy,
-        device: Any,
-        *,
-        since: float,
-        before: Emission,
+        self, vents: tuple[Vent, ...], terrain: Terrain, accuracy: Accuracy, device: Any, *,
+        since: float, before: Emission,
     ) -> None:
         """Build the vents' tables.
 
@@ -194,9 +188,7 @@ class VentSet:
         self._restrict(made)
         if vents:
             made.released.assign(self._before.released)
-            wp.launch(
-                foresee, len(vents), inputs=[made], outputs=[made.due], device=device
-            )
+            wp.launch(foresee, len(vents), inputs=[made], outputs=[made.due], device=device)
         return made
 
     def _read_released(self) -> np.ndarray:
@@ -226,9 +218,7 @@ class VentSet:
         terrain, rise = self._terrain, self._rise
         places, first = [np.empty((0, 2))], [0]
         outlets.places = wp.empty(0, dtype=wp.vec2d, device=self._device)
-        outlets.first_place = wp.zeros(
-            len(self.vents) + 1, dtype=wp.int32, device=self._device
-        )
+        outlets.first_place = wp.zeros(len(self.vents) + 1, dtype=wp.int32, device=self._device)
         for number, (vent, radius) in enumerate(zip(self.vents, self._radii, strict=True)):
             if not is_open(vent, radius, terrain, rise):
                 tried = self._places(outlets, number, 0, _CANDIDATES)
@@ -237,9 +227,7 @@ class VentSet:
                     places.append(found - self._centre)
             first.append(sum(map(len, places)))
         if first[-1]:
-            outlets.places = wp.array(
-                np.concatenate(places), dtype=wp.vec2d, device=self._device
-            )
+            outlets.places = wp.array(np.concatenate(places), dtype=wp.vec2d, device=self._device)
             outlets.first_place.assign(np.array(first, dtype=np.int32))
 
     def places(self, number: int, first: int, count: int) -> np.ndarray:

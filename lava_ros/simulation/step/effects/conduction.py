@@ -53,9 +53,7 @@ MAX_SWEEPS = 64
 
 
 @lru_cache
-def _kernels(
-    real: Any, kernel_name: str, effects: Effects, threads: int
-) -> tuple[Any, ...]:
+def _kernels(real: Any, kernel_name: str, effects: Effects, threads: int) -> tuple[Any, ...]:
     vec4 = wp.types.vector(4, real)
     slope = smoothing_kernel(kernel_name, real).slope
     _, _, cells_around, range_in = cell_functions(real)

@@ -110,13 +110,8 @@ def _wide_sums_function() -> Any:
         """)
     )
     def sums_around(
-        part: int,
-        values: wp.array(dtype=wp.vec4),
-        area: wp.array(dtype=wp.float32),
-        cells: cell_frame(wp.float32),
-        box: wp.vec4i,
-        p: wp.vec4,
-        powers: k0_powers,
+        part: int, values: wp.array(dtype=wp.vec4), area: wp.array(dtype=wp.float32),
+        cells: cell_frame(wp.float32), box: wp.vec4i, p: wp.vec4, powers: k0_powers,
         least: wp.float32,
     ) -> wp.vec3: ...
 
@@ -189,12 +184,7 @@ def _velocity_kernel(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
 
 @lru_cache
 def _motion_kernel(
-    real: Any,
-    lanes: int,
-    parts: int,
-    is_wide: bool,
-    motion: Any,
-    choose_and_emit: Any,
+    real: Any, lanes: int, parts: int, is_wide: bool, motion: Any, choose_and_emit: Any,
     bounds: tuple[int, int] | None,
 ) -> Any:
     vec2, vec3 = (wp.types.vector(n, real) for n in (2, 3))
@@ -203,9 +193,7 @@ def _motion_kernel(
     fallen = fall_function(real)
 
     @quick_kernel(writes=(motion, choose_and_emit), bounds=bounds)
-    def green_motion(
-        thread: int, pace: Pace, outlets: Outlets, m: arguments_type(real)
-    ):
+    def green_motion(thread: int, pace: Pace, outlets: Outlets, m: arguments_type(real)):
         if wp.static(choose_and_emit is not None):
             if thread < wp.static(DIRECTORS):
                 choose_and_emit(thread, pace, outlets, m)

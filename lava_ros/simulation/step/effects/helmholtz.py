@@ -116,14 +116,8 @@ def _wide_sums_function(wide_terms: str) -> Any:
         """)
     )
     def sums_around(
-        part: int,
-        values: wp.array(dtype=wp.vec4),
-        solution: wp.array(dtype=wp.vec2),
-        cells: cell_frame(wp.float32),
-        box: wp.vec4i,
-        p: wp.vec4,
-        u: wp.vec2,
-        inverse: wp.float32,
+        part: int, values: wp.array(dtype=wp.vec4), solution: wp.array(dtype=wp.vec2),
+        cells: cell_frame(wp.float32), box: wp.vec4i, p: wp.vec4, u: wp.vec2, inverse: wp.float32,
     ) -> wp.vec3: ...
 
     return sums_around
@@ -131,12 +125,7 @@ def _wide_sums_function(wide_terms: str) -> Any:
 
 @lru_cache
 def _kernels(
-    real: Any,
-    kernel_name: str,
-    lanes: int,
-    parts: int,
-    is_wide: bool,
-    steep: Any,
+    real: Any, kernel_name: str, lanes: int, parts: int, is_wide: bool, steep: Any,
 ) -> tuple[Any, Any, Any]:
     vec2, vec3, vec4 = (wp.types.vector(n, real) for n in (2, 3, 4))
     kernel = smoothing_kernel(kernel_name, real)
@@ -168,12 +157,8 @@ def _kernels(
         writes='next_solution correction', bounds=FEW_THREADS if parts > lanes else _MANY_THREADS
     )
     def sweep(
-        thread: int,
-        m: arguments_type(real),
-        momentum: real,
-        relaxation: real,
-        solution: wp.array(dtype=vec2),
-        next_solution: wp.array(dtype=vec2),
+        thread: int, m: arguments_type(real), momentum: real, relaxation: real,
+        solution: wp.array(dtype=vec2), next_solution: wp.array(dtype=vec2),
     ):
         """Run one Chebyshev sweep: the residual over the diagonal, plus momentum."""
         i = thread // lanes

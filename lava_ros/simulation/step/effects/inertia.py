@@ -98,11 +98,7 @@ def _drag_function(real: Any, effects: Effects) -> Any:
 
     @wp.func
     def slowed(
-        velocity: vec2,
-        fall: real,
-        column: column_struct,
-        ground: vec2,
-        m: arguments_type(real),
+        velocity: vec2, fall: real, column: column_struct, ground: vec2, m: arguments_type(real),
     ) -> vec2:
         """Return the velocity after a time in which a slope of 1 changes it by ``fall`` [m/s]."""
         pace = wp.length(velocity)

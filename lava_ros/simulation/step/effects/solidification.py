@@ -80,9 +80,7 @@ def _patch_functions(real: Any) -> tuple[Any, Any, Any]:
         return spline((cell_x - wp.float64(x)) / width) * spline((cell_y - wp.float64(y)) / width)
 
     @wp.func
-    def patch_of(
-        exact: ground_type(wp.float64), x: real, y: real, width: wp.float64
-    ) -> wp.vec4i:
+    def patch_of(exact: ground_type(wp.float64), x: real, y: real, width: wp.float64) -> wp.vec4i:
         """Return the first column and the one after the last, then the same for rows."""
         reach = wp.float64(1.5) * width
         one = wp.float64(1.0)
@@ -131,12 +129,8 @@ def _deposit_function(real: Any) -> Any:
 
     @wp.func
     def lay_down(
-        i: int,
-        p: vec4,
-        m: arguments_type(real),
-        widest: wp.float64,
-        exact: ground_type(wp.float64),
-        deposit: wp.array2d(dtype=wp.int64),
+        i: int, p: vec4, m: arguments_type(real), widest: wp.float64,
+        exact: ground_type(wp.float64), deposit: wp.array2d(dtype=wp.int64),
         placed: wp.array2d(dtype=wp.int64),
     ):
         width = width_of(p[2], m.flow[i][0], exact, widest)
@@ -181,12 +175,8 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
 
     @quick_kernel(writes='particle arrived deposit placed')
     def freeze(
-        thread: int,
-        m: arguments_type(real),
-        solidus: wp.float64,
-        widest: wp.float64,
-        exact: ground_type(wp.float64),
-        deposit: wp.array2d(dtype=wp.int64),
+        thread: int, m: arguments_type(real), solidus: wp.float64, widest: wp.float64,
+        exact: ground_type(wp.float64), deposit: wp.array2d(dtype=wp.int64),
         placed: wp.array2d(dtype=wp.int64),
     ):
         """Deposit columns below the solidus; their volume is negative until the next pass."""
@@ -200,12 +190,8 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
 
     @quick_kernel(writes='particle ground.elevation')
     def raise_ground(
-        thread: int,
-        m: arguments_type(real),
-        widest: wp.float64,
-        exact: ground_type(wp.float64),
-        deposit: wp.array2d(dtype=wp.int64),
-        bare: wp.array2d(dtype=real),
+        thread: int, m: arguments_type(real), widest: wp.float64, exact: ground_type(wp.float64),
+        deposit: wp.array2d(dtype=wp.int64), bare: wp.array2d(dtype=real),
     ):
         """Update the heights under newly solidified columns, and set their volume to 0."""
         if m.cold[0] == 0:
