@@ -6,7 +6,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
-from itertools import count, pairwise
+from itertools import count as count_up
 import math
 from typing import Any
 
@@ -87,12 +87,10 @@ class Emission:
         Raises:
             LavaError: If an array is missing or has another number of vents.
         """
-        kinds = {'released': np.int32}
+        kinds = {item.name: np.float64 for item in fields(cls)} | {'released': np.int32}
         return cls(**{
-            name: fitting(
-                f'vents.{name}', arrays.get(name), (number,), kinds.get(name, np.float64)
-            )
-            for name in (item.name for item in fields(cls))
+            name: fitting(f'vents.{name}', arrays.get(name), (number,), kind)
+            for name, kind in kinds.items()
         })
 
     def continued(self, matches: Sequence[int | None], new: 'Emission') -> 'Emission':
@@ -105,12 +103,31 @@ class Emission:
         return Emission(**result)
 
 
-class VentSet:
-    """The vents of one span of time, on a device.
+class OpenVents:
+    """The vents of one span of time.
 
     Attributes:
         vents: The vents.
         since: Time from which they emit [s].
+    """
+
+    def __init__(self, vents: tuple[Vent, ...], since: float) -> None:
+        """Store the vents, and the time from which they emit [s]."""
+        self.vents, self.since = vents, since
+
+    def volumes(self, time: float) -> list[float]:
+        """Return the volume [m3] that each vent has emitted from ``since`` to a time [s]."""
+        return [vent.volume_between(self.since, time) for vent in self.vents]
+
+    def emitted(self, time: float) -> float:
+        """Return the volume [m3] that all vents have emitted from ``since`` to a time [s]."""
+        return sum(self.volumes(time))
+
+
+class VentSet(OpenVents):
+    """Vents that emit particles, on a device.
+
+    Attributes:
         counted: Indices of the vents whose ground ``ParticleSolver.raise_top`` has counted.
     """
 
@@ -128,13 +145,12 @@ class VentSet:
             since: Time from which they emit [s].
             before: Emission of each vent until then.
         """
+        super().__init__(vents, since)
         spacing, thickness = accuracy.spacing, accuracy.thickness
         assert spacing is not None
-        self.vents = vents
-        self.since = since
         self.counted: set[int] = set()
         # read at each advance, so computed once
-        self._opening = [vent.next_opening(since) for vent in self.vents]
+        self._opening = [vent.next_opening(since) for vent in vents]
         self._particle_volume = particle_volume = accuracy.particle_volume
         self._thickness, self._rise = thickness, spacing if thickness is None else thickness
         self._groups = [
@@ -173,11 +189,10 @@ class VentSet:
         made = Outlets()
         made.starts = wp.array(starts, dtype=wp.int32, device=device)
         # with an extra item: Warp has no empty slice at the end of an array
-        rows = [times, fluxes, volumes]
-        series = wp.array([*np.concatenate(rows), 0.0], dtype=wp.float64, device=device)
-        ends = np.cumsum([0, *map(len, rows)]).tolist()
+        count = len(times)
+        series = wp.array([*times, *fluxes, *volumes, 0.0], dtype=wp.float64, device=device)
         made.times, made.fluxes, made.volumes = (
-            series[first:end] for first, end in pairwise(ends)
+            series[first : first + count] for first in (0, count, 2 * count)
         )
         made.vents = wp.array(table, dtype=Outlet, device=device)
         made.particle_volume = self._particle_volume
@@ -207,7 +222,7 @@ class VentSet:
             # overlapping vents need different phases, or their particles would coincide
             near = distance <= np.maximum(sizes, sizes[index])
             taken = set(phase[near].tolist())
-            phase[index] = next(number for number in count() if number not in taken)
+            phase[index] = next(number for number in count_up() if number not in taken)
         for index in np.flatnonzero(np.isnan(downhill)):
             # relative to downhill: in a rotated scene the places of particles are rotated too
             downhill[index] = _downhill(terrain, self.vents[index].position) / math.pi
@@ -244,9 +259,8 @@ class VentSet:
 
     def emission(self, time: float) -> Emission:
         """Return the emission up to a time [s]; no step may be running."""
-        given = [vent.volume_between(self.since, time) for vent in self.vents]
-        released = self._read_released()
-        return replace(self._before, volume=self._before.volume + given, released=released)
+        volume = self._before.volume + self.volumes(time)
+        return replace(self._before, volume=volume, released=self._read_released())
 
     def save(self) -> dict[str, np.ndarray]:
         """Copy the arrays of ``Emission``, and ``counted``, for a checkpoint at ``since``."""
@@ -307,10 +321,6 @@ class VentSet:
         opening = min(vent.next_opening(time) for vent in self.vents)
         return opening if first >= (1.0 - _ROUNDING) * opening else time
 
-    def emitted(self, time: float) -> float:
-        """Return the volume [m3] that the vents have emitted from ``since`` to ``time``."""
-        return sum(vent.volume_between(self.since, time) for vent in self.vents)
-
     def pending(self, time: float, released: np.ndarray | None = None) -> np.ndarray:
         """Return the volume [m3] of each vent that is emitted but not yet a particle.
 
@@ -321,8 +331,7 @@ class VentSet:
         if released is None:
             released = self._read_released()
         released = released[: len(self.vents)]
-        given = [vent.volume_between(self.since, time) for vent in self.vents]
-        return self._before.volume + given - released * self._particle_volume
+        return self._before.volume + self.volumes(time) - released * self._particle_volume
 
     def late(self, pending: float) -> float:
         """Return the part of the pending volume [m3] that is overdue."""
