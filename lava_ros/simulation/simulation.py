@@ -264,17 +264,16 @@ class Simulation:
     @within_memory()
     def snapshot(self) -> Snapshot:
         """Map the current flow to the terrain's cells."""
-        self._complete()
-        return self.solver.begin_snapshot(overlaps=False).result()
+        return self.begin_snapshot(overlaps=False).result()
 
     @within_memory()
-    def begin_snapshot(self) -> PendingSnapshot:
+    def begin_snapshot(self, *, overlaps: bool = True) -> PendingSnapshot:
         """Start a map of the current flow to the terrain's cells.
 
-        A GPU copies the maps to the host while it computes the next steps.
+        If it ``overlaps``, a GPU copies the maps to the host while it computes the next steps.
         """
         self._complete()
-        return self.solver.begin_snapshot(overlaps=True)
+        return self.solver.begin_snapshot(overlaps=overlaps)
 
     @within_memory()
     def start_peaks(self, threshold: float) -> Peaks:

@@ -82,37 +82,25 @@ def _kernel(real: Any) -> Any:
     return gather
 
 
-class FlowDiagnostics:
-    """Device array that gathers the values of a moment."""
+def gather_numbers(
+    state: State, vents: VentSet, raised: RaisedTerrain | None, former: Any = None
+) -> Any:
+    """Gather the current values in an array on the device, that of a ``former`` call if it fits.
 
-    def __init__(self) -> None:
-        """Initialize without an array."""
-        self._numbers: Any = None
-
-    def take(self, state: State, vents: VentSet, raised: RaisedTerrain | None) -> Any:
-        """Gather the current values on the device; the next call overwrites them.
-
-        Particles that have left must have been dropped. ``raised`` is the ground if lava can have
-        solidified onto it.
-        """
-        length = _SUMS + 3 + state.clock.size + state.counts.size + vents.outlets.released.size
-        placed, unit = None, 0.0
-        if raised is not None:
-            length += _SUMS
-            placed, unit = raised.placed, THICKNESS_UNIT * raised.exact_ground.resolution**2
-        if self._numbers is None or self._numbers.size != length:
-            self._numbers = wp.zeros(length, dtype=wp.float64, device=state.device)
-        wp.launch(
-            _kernel(state.real),
-            dim=_SUMS,
-            inputs=[
-                state.particle, state.clock, state.counts, state.left, placed, unit,
-                vents.outlets.released,
-            ],
-            outputs=[self._numbers],
-            device=state.device,
-        )
-        return self._numbers
+    Particles that have left must have been dropped. ``raised`` is the ground if lava can have
+    solidified onto it.
+    """
+    released, placed, unit = vents.outlets.released, None, 0.0
+    length = _SUMS + 3 + state.clock.size + state.counts.size + released.size
+    if raised is not None:
+        length += _SUMS
+        placed, unit = raised.placed, THICKNESS_UNIT * raised.exact_ground.resolution**2
+    numbers = former
+    if former is None or former.size != length:
+        numbers = wp.zeros(length, dtype=wp.float64, device=state.device)
+    arrays = [state.particle, state.clock, state.counts, state.left, placed, unit, released]
+    wp.launch(_kernel(state.real), _SUMS, arrays, [numbers], device=state.device)
+    return numbers
 
 
 def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) -> Moment:

@@ -21,7 +21,7 @@ from lava_ros.simulation.output.covered_maps import (
     show_covered_cells,
 )
 from lava_ros.simulation.output.diagnostics import (
-    FlowDiagnostics,
+    gather_numbers,
     moment_of,
     SHOWN,
     snapshot_of,
@@ -80,7 +80,7 @@ class ParticleLava:
         """
         self.scene, self.accuracy, self.device = scene, accuracy, device
         self.state = State(FIRST_CAPACITY, effects, accuracy, device)
-        self._diagnostics, self._reader = FlowDiagnostics(), Reader(device)
+        self._numbers, self._reader = None, Reader(device)
         self.volume_before = 0.0
         self.most_particles = 0
         self.is_empty = False
@@ -264,8 +264,7 @@ class ParticleLava:
         else:
             self.sort()
         state, grids = self.state, self.draw_maps()
-        numbers = self._diagnostics.take(state, self.vents, self.raised)
-        copies = self._reader.begin([grids, numbers], overlaps=overlaps)
+        copies = self._reader.begin([grids, self._gather()], overlaps=overlaps)
         terrain, vents, before = self.scene.terrain, self.vents, self.volume_before
         accuracy = self.accuracy
 
@@ -312,8 +311,13 @@ class ParticleLava:
         """Return the volume budget."""
         self.settle()
         self._reader.before_writing()
-        numbers = read(self._diagnostics.take(self.state, self.vents, self.raised))
+        numbers = read(self._gather())
         return moment_of(numbers, self.state, self.vents, self.volume_before).budget
+
+    def _gather(self) -> Any:
+        """Gather clock, counts and volumes on the device; the next call overwrites them."""
+        self._numbers = gather_numbers(self.state, self.vents, self.raised, self._numbers)
+        return self._numbers
 
 
 def corners_of(scene: Scene) -> np.ndarray:

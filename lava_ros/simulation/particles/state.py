@@ -85,6 +85,14 @@ class State(Arrays):
         #: Maximum number of particles that vents emit before the host reads the counts again.
         self.particles_ahead = 0
         self._declared = at.declared_arrays(form, effects)
+        declared = self._declared.items()
+        #: Names of the arrays that particles carry from stage to stage of a step, and from step to
+        #: step, and of the others in checkpoints.
+        self._of_step = [name for name, one in declared if one.is_of_step]
+        self._carried = [
+            name for name, one in declared if one.is_carried and not one.is_of_step
+        ]
+        self._saved = [name for name, one in declared if one.is_saved]
         self.cell_maps = CellMaps()
         self._arrays: dict[str, wp.array] = {}
         self._allocate(capacity)
@@ -236,22 +244,6 @@ class State(Arrays):
         for name, values in kept.items():
             wp.copy(self.arrays[name], values, count=count)
         self.write_count(at.FULL, 0)
-
-    @property
-    def _carried(self) -> list[str]:
-        """Names of the arrays that particles carry from step to step."""
-        declared = self._declared.items()
-        return [name for name, one in declared if one.is_carried and not one.is_of_step]
-
-    @property
-    def _of_step(self) -> list[str]:
-        """Names of the arrays that particles carry from stage to stage of a step."""
-        return [name for name, one in self._declared.items() if one.is_of_step]
-
-    @property
-    def _saved(self) -> list[str]:
-        """Names of the arrays in checkpoints that do not depend on the number of particles."""
-        return [name for name, one in self._declared.items() if one.is_saved]
 
     def write_target(
         self, time: float, limit: float | None = None, max_end: float = math.inf
