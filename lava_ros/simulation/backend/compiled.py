@@ -44,7 +44,7 @@ _SUM = """
 #endif
     return value;
 """
-_PAST_THE_CACHE = """
+_LOAD_UNCACHED = """
     int v;
     asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(v) : "l"(values.data + i));
     return v;
@@ -304,8 +304,8 @@ def load1(kind: Any) -> Any:
 load_int = load1(wp.int32)
 
 
-@wp.func_native(on_cuda(_PAST_THE_CACHE, 'return values.data[i];'))
-def past_the_cache(values: wp.array(dtype=wp.int32), i: int) -> int:
+@wp.func_native(on_cuda(_LOAD_UNCACHED, 'return values.data[i];'))
+def load_uncached(values: wp.array(dtype=wp.int32), i: int) -> int:
     """Read item i >= 0 of an array that other threads may change; a device function.
 
     It bypasses the cache, which could otherwise keep outdated values of adjacent items.
@@ -345,7 +345,7 @@ writing('flag')(announce)
 def wait_for(flag: wp.array(dtype=wp.int32)):
     """Wait for ``announce``.
 
-    Before it, the announced values may be read only with ``past_the_cache``.
+    Before it, the announced values may be read only with ``load_uncached``.
     """
 
 

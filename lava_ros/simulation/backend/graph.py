@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import warp as wp
 
 #: Maximum number of cached packed launches; they keep their arrays alive.
-MOST = 256
+MAX_CACHED = 256
 
 #: Held while a graph is captured and while a thread waits for an event: Warp refuses to wait
 #: during a capture, even by another thread.
@@ -151,7 +151,7 @@ class Launches:
         key = (id(kernel), *map(id, arguments))
         kept = self._kept.get(key)
         if kept is None:
-            if len(self._kept) >= MOST:
+            if len(self._kept) >= MAX_CACHED:
                 self._kept.clear()
             # as long as they are kept alive no other object can have their ids
             kept = [dim, self._record(kernel, dim, arguments), kernel, arguments]

@@ -99,7 +99,8 @@ def gather_numbers(
     if former is None or former.size != length:
         numbers = wp.zeros(length, dtype=wp.float64, device=state.device)
     arrays = [state.particle, state.clock, state.counts, state.left, placed, unit, released]
-    wp.launch(_kernel(state.real), _SUMS, arrays, [numbers], device=state.device)
+    kernel, device = _kernel(state.real), state.device
+    wp.launch(kernel, dim=_SUMS, inputs=arrays, outputs=[numbers], device=device)
     return numbers
 
 

@@ -45,10 +45,10 @@ COVER_THRESHOLD = 0.5
 _MIN_NEAR_WEIGHT = 1e-3
 
 #: Minimum thickness of standing lava over the threshold of inundation: maps are rounded.
-_LEAST = 0.999
+_MIN_STANDING = 0.999
 
 #: Placeholder for a weight: particles are within reach of the cell, but do not cover it.
-_BESIDE = wp.constant(wp.float32(-1.0))
+_UNCOVERED = wp.constant(wp.float32(-1.0))
 
 
 @lru_cache
@@ -142,7 +142,7 @@ def _weigh_kernel(real: Any, kernel_name: str) -> Any:
         thickness[i, j] = wp.where(weight > wp.float32(0.0), weight, wp.float32(wp.nan))
         is_dry = m.arrived[i, j] < wp.float32(0.0) and mean >= m.constants.threshold
         if cover > real(0.0) and (part == real(0.0) or is_dry):
-            thickness[i, j] = _BESIDE
+            thickness[i, j] = _UNCOVERED
 
     return weigh
 
@@ -259,7 +259,7 @@ def _gather_kernel(real: Any, kernel_name: str) -> Any:
         if is_covered:
             total *= real(own_weight)
         thickness[i, j] = wp.float32(total[0])
-        least = real(wp.static(_LEAST)) * m.constants.threshold
+        least = real(wp.static(_MIN_STANDING)) * m.constants.threshold
         if m.arrived[i, j] < wp.float32(0.0) and total[0] >= least:
             # films that are each too thin to count, and together thick enough
             m.arrived[i, j] = wp.float32(m.clock[TIME])

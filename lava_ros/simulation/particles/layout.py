@@ -41,7 +41,7 @@ BORDER, HOLES, SEA = range(3)
 FAR = 1e30
 
 #: Thickness over the expected thickness up to which the Helmholtz solve converges fully.
-THICKEST = 2.0
+MAX_SOLVED = 2.0
 
 REAL = {'float32': wp.float32, 'float64': wp.float64}
 

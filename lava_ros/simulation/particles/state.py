@@ -29,10 +29,10 @@ RARE_THREADS_TOGETHER = 1024
 
 #: Maximum fraction of the capacity in use before it grows. Threads without a particle cost time,
 #: so there is little spare capacity; a vent that finds none waits until it has grown.
-FULLEST = 0.875
+MAX_FILL = 0.875
 
 #: Capacity below which growing doubles it [particles].
-FEW = 16384
+FEW_PARTICLES = 16384
 
 #: Threads per particle on a GPU, and the maximum capacity for which they are worthwhile.
 SHARED_LANES, SHARED_UP_TO = 4, 50_000
@@ -212,7 +212,7 @@ class State(Arrays):
         """Grow if a copy of ``counts`` shows that it is necessary."""
         if self.needs_room(counts):
             # spare capacity is cheap while there are few particles
-            twice = 2 * self.capacity if self.capacity < FEW else 0
+            twice = 2 * self.capacity if self.capacity < FEW_PARTICLES else 0
             expected = at.count_in(counts) + self.particles_ahead
             self.grow(max(room_for(expected), room_for(self.capacity), twice))
 
@@ -223,7 +223,7 @@ class State(Arrays):
     @property
     def growth_threshold(self) -> float:
         """Maximum number of particles for which the capacity suffices until the next readback."""
-        return FULLEST * self.capacity - self.particles_ahead
+        return MAX_FILL * self.capacity - self.particles_ahead
 
     def grow(self, capacity: int) -> None:
         """Grow to a capacity of ``capacity`` particles and keep the existing ones.
@@ -293,7 +293,7 @@ class State(Arrays):
             kept['remainder'] = values[:, :2] - values[:, :2].astype(np.float32)
         if self.form.has_temperature_remainder:
             kept['temperature_remainder'] = values[:, 3] - values[:, 3].astype(np.float32)
-        if len(values) > FULLEST * self.capacity:
+        if len(values) > MAX_FILL * self.capacity:
             self._allocate(room_for(len(values)))
         _put(self.particle, values)
         for name in self._carried:

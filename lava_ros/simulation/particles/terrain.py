@@ -202,7 +202,7 @@ class TerrainFunctions(NamedTuple):
     """Device functions that read a staggered terrain."""
 
     gradient_at: Any
-    bend_at: Any
+    curvature_at: Any
     height_at: Any
 
 
@@ -262,7 +262,7 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         return rise * inverse
 
     @wp.func
-    def bend_at(ground: ground_type(real), x: real, y: real) -> real:
+    def curvature_at(ground: ground_type(real), x: real, y: real) -> real:
         """Largest curvature of the surface whose gradient is ``gradient_at``, 0 on a dome."""
         inverse = real(1.0) / ground.resolution
         i, j, s, t = cell_at(ground, x, y)
@@ -284,8 +284,8 @@ def terrain_functions(real: Any) -> TerrainFunctions:
             twist += change * ((real(0.5) - s) * west + (real(0.5) + s) * east)
         mean = real(0.5) * (along + across)
         half = real(0.5) * (along - across)
-        bend = mean + wp.sqrt(half * half + twist * twist)
-        return wp.max(bend, real(0.0)) * inverse * inverse
+        largest = mean + wp.sqrt(half * half + twist * twist)
+        return wp.max(largest, real(0.0)) * inverse * inverse
 
     @wp.func
     def height_at(ground: ground_type(real), x: real, y: real) -> real:
@@ -298,17 +298,17 @@ def terrain_functions(real: Any) -> TerrainFunctions:
                 total += spline(m, t) * spline(n, s) * around[m, n]
         return total
 
-    return TerrainFunctions(gradient_at, bend_at, height_at)
+    return TerrainFunctions(gradient_at, curvature_at, height_at)
 
 
 @lru_cache
-def fall_function(real: Any) -> Any:
+def speed_limit_function(real: Any) -> Any:
     """Return the device function that limits a velocity at a place to that of free fall."""
     vec2 = wp.types.vector(2, real)
     height_at = terrain_functions(real).height_at
 
     @wp.func
-    def fallen(velocity: vec2, thickness: real, place: vec2, m: arguments_type(real)) -> vec2:
+    def limit_speed(velocity: vec2, thickness: real, place: vec2, m: arguments_type(real)) -> vec2:
         square = wp.dot(velocity, velocity)
         head = square / (real(2.0) * m.constants.gravity) - thickness
         kept = velocity
@@ -319,4 +319,4 @@ def fall_function(real: Any) -> Any:
                 kept *= wp.sqrt((fall + thickness) / (head + thickness))
         return kept
 
-    return fallen
+    return limit_speed

@@ -26,7 +26,7 @@ one-sided, so it has no weight there, where l |grad h| is 3 h. The mean exchange
 
 The balance has no inertia, so nothing bounds its speed: at a wall, or where lava is thin as water,
 it could exceed any free fall. The speed is therefore limited by the energy of the fall. A particle
-on ground of height H has fallen from at most the highest ground that lava came from,
+on ground of height H has limit_speed from at most the highest ground that lava came from,
 ``State.top``, and lies h deep: u^2 <= 2 g (max(top - H, 0) + h). The limit never affects lava with
 u^2 <= 2 g h. Since inertia is selected where u^2 / (g h) exceeds 0.1 (``selection.py``), that is
 all lava for which the balance is valid.
@@ -57,7 +57,7 @@ from lava_ros.simulation.particles.cells import (
 )
 from lava_ros.simulation.particles.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
 from lava_ros.simulation.particles.layout import age_at, arguments_type
-from lava_ros.simulation.particles.terrain import fall_function, terrain_functions
+from lava_ros.simulation.particles.terrain import speed_limit_function, terrain_functions
 
 #: Slope of an even layer at its edge, over the thickness there and times the kernel's radius.
 _EDGE = 3.0
@@ -77,7 +77,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     has_age, has_velocity = effects.any('needs_age'), effects.any('needs_velocity')
     is_lateral, has_drop = effects.any('is_lateral'), effects.any('needs_drop')
     column_struct, raised = column_type(real), raise_to(real)
-    fallen, bend_at = fall_function(real), terrain_functions(real).bend_at
+    limit_speed, curvature_at = speed_limit_function(real), terrain_functions(real).curvature_at
 
     @wp.func
     def balance(
@@ -85,7 +85,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         m: arguments_type(real), fills_flow: bool,
     ):
         place = vec2(p[0], p[1])
-        bend = bend_at(m.ground, p[0], p[1])
+        curvature = curvature_at(m.ground, p[0], p[1])
         weight = m.constants.weight
         if wp.static(speed is None):
             mobility = weight * height * height / (real(3.0) * viscosity(m.law, temperature))
@@ -116,7 +116,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         velocity = -mobility * surface
         bounded = velocity
         if wp.static(not has_velocity):
-            bounded = fallen(velocity, height, place, m)
+            bounded = limit_speed(velocity, height, place, m)
         if wp.static(not is_lateral):
             # lateral stress uses it as the driving force, and the mean is limited
             velocity = bounded
@@ -150,7 +150,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
                 reduced = wp.min(rate, reduced / whole)
             rate = reduced
         # lava flows to the bottom of a hollow, and would overshoot it as on level ground
-        rate += largest * bend * m.constants.inverse_diffusion_number
+        rate += largest * curvature * m.constants.inverse_diffusion_number
         if wp.static(has_velocity):
             # the balance of momentum needs the slope, and has its own limits
             m.flow[i] = vec3(height, surface.x, surface.y)

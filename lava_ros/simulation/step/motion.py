@@ -26,7 +26,7 @@ from lava_ros.simulation.particles.layout import age_at, arguments_type, Form
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import terrain_functions
 from lava_ros.simulation.step.outlets import Outlets
-from lava_ros.simulation.step.timestep import DIRECTORS, Pace, StageChoice
+from lava_ros.simulation.step.timestep import FIRST_BLOCK, StageChoice, StepLimits
 
 #: Maximum displacement in a step over the one it was chosen for: speeds may rise within a step.
 _MAX_DISPLACEMENT_GROWTH = 2.0
@@ -249,15 +249,15 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
 
     @quick_kernel(writes=(motion, choose_and_emit), bounds=bounds)
     def move(
-        i: int, flow: wp.array(dtype=vec3), pace: Pace, outlets: Outlets,
+        i: int, flow: wp.array(dtype=vec3), limits: StepLimits, outlets: Outlets,
         m: arguments_type(real),
     ):
         if wp.static(choose_and_emit is not None):
-            if i < wp.static(DIRECTORS):
-                choose_and_emit(i, pace, outlets, m)
+            if i < wp.static(FIRST_BLOCK):
+                choose_and_emit(i, limits, outlets, m)
                 return
-            i -= wp.static(DIRECTORS)
-        if i >= compiled.past_the_cache(m.counts, at.PARTICLES):
+            i -= wp.static(FIRST_BLOCK)
+        if i >= compiled.load_uncached(m.counts, at.PARTICLES):
             return
         p, f = load(m.ordered, i), flow[i]
         if wp.static(choose_and_emit is not None):
@@ -275,7 +275,7 @@ def move_particles(state: State, arguments: Any, choice: StageChoice, motion: An
     launch_over(
         state,
         _kernel(state.real, motion, choice.function, choice.bounds),
-        [state.flow, choice.pace, choice.outlets, arguments],
+        [state.flow, choice.limits, choice.outlets, arguments],
         min_items=MIN_MOVES,
         ahead=choice.threads,
     )

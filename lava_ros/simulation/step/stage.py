@@ -17,7 +17,7 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.particles.kernels import smoothing_kernel
-from lava_ros.simulation.particles.layout import arguments_type, flow_constants_of, THICKEST
+from lava_ros.simulation.particles.layout import arguments_type, flow_constants_of, MAX_SOLVED
 from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
@@ -51,7 +51,7 @@ class Stage:
         self._accuracy, self._effects = accuracy, state.effects
         self._viscosity = scene.lava.viscosity
         self._state, self._neighbors = state, neighbors
-        self._pace: tuple[Scene, VentSet, Any] | None = None
+        self._limits: tuple[Scene, VentSet, Any] | None = None
         self.constants = _flow_constants(scene, accuracy, state.real)
         self._fixed = {
             'ground': terrain.ground,
@@ -90,30 +90,30 @@ class Stage:
         if self._mover is None:
             # before the choice of the step, which depends on the speed
             self.finish_flow()
-        pace, arguments, outlets = self._pace_of(scene, vents), self.arguments, vents.outlets
+        limits, arguments, outlets = self._limits_of(scene, vents), self.arguments, vents.outlets
         emission, has_empty = emission_function(state.form), state.form.has_empty
-        choice = choice_within_motion(state, pace, outlets, None if has_empty else emission)
+        choice = choice_within_motion(state, limits, outlets, None if has_empty else emission)
         if not is_within_the_motion(state, sums_up=self._mover is not None):
             choice = choose_before_motion(state, choice, arguments)
         self._move(arguments, choice)
         if has_empty:
             emit(state, emission, outlets, arguments)
 
-    def _pace_of(self, scene: Scene, vents: VentSet) -> Any:
+    def _limits_of(self, scene: Scene, vents: VentSet) -> Any:
         """Return the (cached) arguments for the choice of a stage."""
-        if self._pace is None or self._pace[0] is not scene or self._pace[1] is not vents:
+        if self._limits is None or self._limits[0] is not scene or self._limits[1] is not vents:
             accuracy, device = self._accuracy, self._state.device
-            pace = timestep.Pace()
-            pace.longest = longest_step(scene, accuracy, self._effects, self.constants.reach)
-            pace.ends, pace.limits = (
+            limits = timestep.StepLimits()
+            limits.longest = longest_step(scene, accuracy, self._effects, self.constants.reach)
+            limits.span_ends, limits.span_steps = (
                 wp.array(column, dtype=wp.float64, device=device)
                 for column in vents.step_limits.T[:2]
             )
-            pace.fixed = accuracy.fixed_step or 0.0
-            pace.few = int(timestep.FEW * accuracy.refinement)
-            pace.due = vents.outlets.due
-            self._pace = scene, vents, pace
-        return self._pace[2]
+            limits.fixed = accuracy.fixed_step or 0.0
+            limits.few_particles = int(timestep.FEW_PARTICLES * accuracy.refinement)
+            limits.due = vents.outlets.due
+            self._limits = scene, vents, limits
+        return self._limits[2]
 
     def compute_flow(self, *, fills_flow: bool = True) -> None:
         """Compute thickness and local velocity of the ordered particles, and raise the rates.
@@ -188,5 +188,5 @@ def _flow_constants(scene: Scene, accuracy: Accuracy, real: Any) -> Any:
     constants.thickest = math.inf
     constants.threshold = accuracy.inundation_threshold
     if accuracy.thickness is not None:
-        constants.thickest = THICKEST * accuracy.thickness
+        constants.thickest = MAX_SOLVED * accuracy.thickness
     return constants

@@ -6,7 +6,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
-from itertools import count as count_up
+from itertools import count
 import math
 from typing import Any
 
@@ -189,10 +189,10 @@ class VentSet(OpenVents):
         made = Outlets()
         made.starts = wp.array(starts, dtype=wp.int32, device=device)
         # with an extra item: Warp has no empty slice at the end of an array
-        count = len(times)
+        size = len(times)
         series = wp.array([*times, *fluxes, *volumes, 0.0], dtype=wp.float64, device=device)
         made.times, made.fluxes, made.volumes = (
-            series[first : first + count] for first in (0, count, 2 * count)
+            series[first : first + size] for first in (0, size, 2 * size)
         )
         made.vents = wp.array(table, dtype=Outlet, device=device)
         made.particle_volume = self._particle_volume
@@ -222,7 +222,7 @@ class VentSet(OpenVents):
             # overlapping vents need different phases, or their particles would coincide
             near = distance <= np.maximum(sizes, sizes[index])
             taken = set(phase[near].tolist())
-            phase[index] = next(number for number in count_up() if number not in taken)
+            phase[index] = next(number for number in count() if number not in taken)
         for index in np.flatnonzero(np.isnan(downhill)):
             # relative to downhill: in a rotated scene the places of particles are rotated too
             downhill[index] = _downhill(terrain, self.vents[index].position) / math.pi

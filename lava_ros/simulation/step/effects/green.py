@@ -29,7 +29,7 @@ from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.simulation.backend.compiled import (
     access,
     load1,
-    past_the_cache,
+    load_uncached,
     quick_kernel,
     sum_over,
     wait_for,
@@ -45,10 +45,10 @@ from lava_ros.simulation.particles.kernels import (
     WIDE_K0,
 )
 from lava_ros.simulation.particles.layout import arguments_type, cell_frame, PARTICLES
-from lava_ros.simulation.particles.terrain import fall_function
+from lava_ros.simulation.particles.terrain import speed_limit_function
 from lava_ros.simulation.step.effects import DevicePart
 from lava_ros.simulation.step.outlets import Outlets
-from lava_ros.simulation.step.timestep import DIRECTORS, Pace, StageChoice
+from lava_ros.simulation.step.timestep import FIRST_BLOCK, StageChoice, StepLimits
 
 #: The squared distance within which K0 is constant, over the area of a particle's own disc: the
 #: value there is the mean of ln r over the disc. As K0 is convex in ln r, its mean is no less, and
@@ -166,7 +166,7 @@ def _velocity_kernel(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
     vec2, vec3 = (wp.types.vector(n, real) for n in (2, 3))
     (load, _), load_number = access(real, 4), load1(real)
     velocity_of = _velocity_function(real, lanes, parts, is_wide)
-    fallen = fall_function(real)
+    limit_speed = speed_limit_function(real)
 
     @quick_kernel(writes='flow')
     def green_velocity(thread: int, m: arguments_type(real)):
@@ -176,7 +176,7 @@ def _velocity_kernel(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
             here, p, own = load(m.ordered, i), load(m.source, i), load_number(m.area, i)
             f = velocity_of(lane, here, p, own, m)
             if lane == 0:
-                u = fallen(vec2(f[1], f[2]), f[0], vec2(here[0], here[1]), m)
+                u = limit_speed(vec2(f[1], f[2]), f[0], vec2(here[0], here[1]), m)
                 m.flow[i] = vec3(f[0], u[0], u[1])
 
     return green_velocity
@@ -190,18 +190,18 @@ def _motion_kernel(
     vec2, vec3 = (wp.types.vector(n, real) for n in (2, 3))
     (load, _), load_number = access(real, 4), load1(real)
     velocity_of = _velocity_function(real, lanes, parts, is_wide)
-    fallen = fall_function(real)
+    limit_speed = speed_limit_function(real)
 
     @quick_kernel(writes=(motion, choose_and_emit), bounds=bounds)
-    def green_motion(thread: int, pace: Pace, outlets: Outlets, m: arguments_type(real)):
+    def green_motion(thread: int, limits: StepLimits, outlets: Outlets, m: arguments_type(real)):
         if wp.static(choose_and_emit is not None):
-            if thread < wp.static(DIRECTORS):
-                choose_and_emit(thread, pace, outlets, m)
+            if thread < wp.static(FIRST_BLOCK):
+                choose_and_emit(thread, limits, outlets, m)
                 return
-            thread -= wp.static(DIRECTORS)
+            thread -= wp.static(FIRST_BLOCK)
         i = thread // lanes
         lane = thread % lanes
-        if i >= past_the_cache(m.counts, PARTICLES):
+        if i >= load_uncached(m.counts, PARTICLES):
             return
         here, driven, own = load(m.ordered, i), load(m.source, i), load_number(m.area, i)
         f = velocity_of(lane, here, driven, own, m)
@@ -211,7 +211,7 @@ def _motion_kernel(
             wait_for(m.chosen)
         # read again: keeping it would take registers from the sums
         p = load(m.ordered, i)
-        u = fallen(vec2(f[1], f[2]), f[0], vec2(p[0], p[1]), m)
+        u = limit_speed(vec2(f[1], f[2]), f[0], vec2(p[0], p[1]), m)
         motion(i, p, vec3(f[0], u[0], u[1]), m)
 
     return green_motion
@@ -241,6 +241,6 @@ class Part(DevicePart):
             choice.bounds,
         )
         launch_over(
-            state, kernel, [choice.pace, choice.outlets, arguments],
+            state, kernel, [choice.limits, choice.outlets, arguments],
             min_items=_MIN_PARTICLES_PER_PART, lanes=state.lanes, ahead=choice.threads,
         )

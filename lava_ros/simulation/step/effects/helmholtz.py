@@ -43,7 +43,7 @@ from lava_ros.simulation.particles.kernels import smoothing_kernel, SmoothingKer
 from lava_ros.simulation.particles.layout import arguments_type, cell_frame
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import (
-    fall_function,
+    speed_limit_function,
     StaggeredTerrain,
     terrain_functions,
 )
@@ -133,7 +133,7 @@ def _kernels(
     terms = kernel.terms
     cells_around = cell_functions(real).cells_around
     (load, store), total = access(real, 4), sum_over(real, lanes)
-    fallen = fall_function(real)
+    limit_speed = speed_limit_function(real)
     gradient_at, raised = terrain_functions(real).gradient_at, raise_to(real)
     sums_around = _sums_function(real, kernel, parts, lanes)
     if is_wide and kernel.wide_terms:
@@ -189,7 +189,7 @@ def _kernels(
     def finish(i: int, m: arguments_type(real), solution: wp.array(dtype=vec2)):
         if i < m.counts[at.PARTICLES]:
             p = load(m.layer, i)
-            u = fallen(solution[i], p[3], vec2(p[0], p[1]), m)
+            u = limit_speed(solution[i], p[3], vec2(p[0], p[1]), m)
             m.flow[i] = vec3(p[3], u[0], u[1])
             raised(m.rates, at.ADVECTION, wp.length(u) / m.constants.reach)
 
@@ -223,7 +223,7 @@ def _schedule(thickness: float, radius: float) -> list[tuple[float, float]]:
 class Part(DevicePart):
     """The sweeps that solve the momentum balance.
 
-    Up to ``THICKEST`` times the expected thickness they reduce the error by ``REDUCTION``.
+    Up to ``MAX_SOLVED`` times the expected thickness they reduce the error by ``REDUCTION``.
     """
 
     def __init__(
@@ -232,7 +232,7 @@ class Part(DevicePart):
         """Compute the weights of the sweeps for the expected thickness."""
         super().__init__(scene, accuracy, terrain, state)
         assert accuracy.thickness is not None
-        self._weights = _schedule(at.THICKEST * accuracy.thickness, accuracy.radius)
+        self._weights = _schedule(at.MAX_SOLVED * accuracy.thickness, accuracy.radius)
 
     def compute_velocity(self, arguments: Any) -> None:
         """Replace the local velocity in ``flow`` by the solution, and raise ``rates`` to it."""

@@ -138,7 +138,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
     kernel = smoothing_kernel(kernel_name, real)
     norm, derivative, excess = kernel.norm, kernel.slope, kernel.excess
     power = _EXCESS_POWERS.get(kernel_name, 1.0)
-    gradient_at, bend_at, height_at, *_ = terrain_functions(real)
+    gradient_at, curvature_at, height_at, *_ = terrain_functions(real)
     _, _, cells_around, range_in = cell_functions(real)
     raised = raise_to(real)
     load, _ = access(real, 4)
@@ -182,7 +182,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
         m.flow[i] = vec3(height, u[0], u[1])
         # dt^2 w^2 <= d^2 + d gamma dt: d is 2 at the limit of stability
         square = g * height * m.constants.stiffness
-        square += g * bend_at(m.ground, p[0], p[1]) * m.constants.inverse_diffusion_number
+        square += g * curvature_at(m.ground, p[0], p[1]) * m.constants.inverse_diffusion_number
         mobility = real(1.0)
         drag = real(0.0)
         if wp.static(is_newtonian):

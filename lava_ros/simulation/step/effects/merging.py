@@ -31,16 +31,16 @@ from lava_ros.simulation.particles.terrain import StaggeredTerrain
 from lava_ros.simulation.step.effects import DevicePart
 
 #: Displacement of the fastest particle between two passes, over the largest in one step.
-EVERY = 1.5
+PASS_INTERVAL = 1.5
 
 #: Distance over the spacing around two particles below which they merge.
-CLOSE = 1.1
+MERGE_DISTANCE = 1.1
 
 #: Maximum area of a merged particle over the squared spacing.
-WIDEST = 1.6
+MAX_MERGED_AREA = 1.6
 
 #: Area of a particle over the squared spacing above which it splits.
-STRETCHED = 2.5
+MIN_SPLIT_AREA = 2.5
 
 
 @lru_cache
@@ -88,8 +88,8 @@ def _choice_kernel(real: Any, threads: int) -> Any:
         if p[2] == real(0.0):
             return
         own = p[2] / m.flow[i][0]
-        splits = own > real(wp.static(STRETCHED)) * area and p[2] >= real(2.0) * min_volume
-        if not splits and own > real(wp.static(WIDEST)) * area:
+        splits = own > real(wp.static(MIN_SPLIT_AREA)) * area and p[2] >= real(2.0) * min_volume
+        if not splits and own > real(wp.static(MAX_MERGED_AREA)) * area:
             return
         here = load(m.ordered, i)
         nearest = m.partner[i]
@@ -108,8 +108,8 @@ def _choice_kernel(real: Any, threads: int) -> Any:
                         both = p[2] + other[2]
                         around = both / (m.flow[i][0] + m.flow[j][0])
                         fits = (
-                            square < real(wp.static(CLOSE * CLOSE)) * around
-                            and real(2.0) * around < real(wp.static(WIDEST)) * area
+                            square < real(wp.static(MERGE_DISTANCE * MERGE_DISTANCE)) * around
+                            and real(2.0) * around < real(wp.static(MAX_MERGED_AREA)) * area
                             and both - p[2] == other[2]
                             and both - other[2] == p[2]
                         )
@@ -253,7 +253,7 @@ class Part(DevicePart):
         threads = state.rare_threads
         kernels = _kernels(state.form, state.is_deterministic, threads)
         wait, choose, merge, split, count = kernels
-        state.launches(wait, [arguments, EVERY])
+        state.launches(wait, [arguments, PASS_INTERVAL])
         state.launches(choose, [arguments, self._area, self._min_volume], dim=threads)
         state.launches(merge, [arguments], dim=threads)
         if state.is_deterministic:
