@@ -33,8 +33,8 @@ NEWTONIAN = """
         f.sum = a + b;
         f.rate = mobility * f.sum * (a * a + b * b);
         f.stiff = stiffened(f.rate, f.fall, a, b);
-        f.most = most * a;
-        f.least = -most * b;
+        f.max_flux = max_rate * a;
+        f.min_flux = -max_rate * b;
         return f;
     };
 """
@@ -65,8 +65,8 @@ BY_LAW = """
         const float mean = per_cell * per_cell * (a * a + b * b) * share;
         f.rate = f.sum > 0.0f ? mean * speed[0] : 0.0f;
         f.stiff = stiffened(f.sum > 0.0f ? mean * speed[1] : 0.0f, f.fall, a, b);
-        f.most = most * a;
-        f.least = -most * b;
+        f.max_flux = max_rate * a;
+        f.min_flux = -max_rate * b;
         return f;
     };
 """
@@ -77,7 +77,7 @@ STEP = """
     const long top = box[0], bottom = box[1], left = box[2], right = box[3];
     SHARED
     COLUMNS
-    struct Flux { float fall, sum, rate, stiff, most, least; };
+    struct Flux { float fall, sum, rate, stiff, max_flux, min_flux; };
     const long w = s.stride, last_row = s.rows - 2, last_column = s.stride - 2;
     float* APART y = s.stage.data;
     double* APART h = s.thickness.data;
@@ -141,7 +141,7 @@ STEP = """
         const float part = larger(fall * a, -fall * b) / (thick * thick);
         return rate * larger(part, 1.0f);
     };
-    float most = 0.0f;
+    float max_rate = 0.0f;
     FLUX
     // nothing passes the faces at the ends of the spans
     for (long i = top; is_serial && i <= bottom; ++i) {
@@ -185,7 +185,7 @@ STEP = """
     raise(slots + STIFF, stiff);
     together();
     CLEAR
-    most = __builtin_bit_cast(float, raised(slots + STIFF));
+    max_rate = __builtin_bit_cast(float, raised(slots + STIFF));
     const bool is_open = !raised(slots + CLOSED);
     for (long i = first_of(top); i <= last_of(bottom); i += lines)
         faces_of(i, [&](int axis, long from, long to, long next, long side,
@@ -199,7 +199,7 @@ STEP = """
             for (long p = from; p <= to; p += lanes) {
                 const Flux f = flux_of(
                     p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
-                const float amount = larger(smaller(f.rate * f.fall, f.most), f.least);
+                const float amount = larger(smaller(f.rate * f.fall, f.max_flux), f.min_flux);
                 first[p] = amount;
                 const float part = 2.0f / (f.sum + 1000.0f * film);
                 const float steep = part * (f.fall < 0.0f ? -f.fall : f.fall);
@@ -223,7 +223,7 @@ STEP = """
     if (step > until - time) step = until - time;
     // lava that comes out makes it stiffer within the step
     const double grown = thickest > 0.0 ? 1.0 + poured * step / thickest : 1.0;
-    const double stiffness = 4.0 * most * grown * grown * grown + 1e-30;
+    const double stiffness = 4.0 * max_rate * grown * grown * grown + 1e-30;
     auto reach = [](int n) { return STABLE * 0.25 * (n * n + n - 2.0); };
     int stages = 3;
     while (stages < MAX_STAGES && reach(stages) < step * stiffness) stages += 2;
@@ -237,7 +237,7 @@ STEP = """
         CLEAR_OWN
         return;
     }
-    most = (float)(0.25 * stiffness);
+    max_rate = (float)(0.25 * stiffness);
 
     const double w1 = 4.0 / (stages * stages + stages - 2.0);
     double b = 1.0 / 3.0, former_b = b, poured_1 = 0.0, poured_2 = 0.0;
@@ -285,7 +285,7 @@ STEP = """
                 for (long p = from; p <= to; p += lanes) {
                     const Flux f = flux_of(
                         p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
-                    const float amount = larger(smaller(f.rate * f.fall, f.most), f.least);
+                    const float amount = larger(smaller(f.rate * f.fall, f.max_flux), f.min_flux);
                     older[p] = m * newer[p] + v * older[p] + t * amount + t0 * first[p];
                 }
             });

@@ -47,7 +47,7 @@ class CellVents(OpenVents):
             own[np.searchsorted(self.cells, cells)] = parts
 
     def sources(self, time: float, area: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return what comes out of each cell from a time until the next change.
+        """Return the emission of each cell from a time until the next change.
 
         Args:
             time: The time [s].

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What lava has covered of each cell of a terrain: on other terrains, in checkpoints and in maps.
+"""The ground that lava has covered: on other terrains, in checkpoints and in maps.
 
 ``covered_cells.py`` defines and records it.
 """
@@ -95,7 +95,7 @@ def record_covered_ground(state: State, arguments: Any) -> None:
 
 
 class CoveredCells:
-    """What lava has covered of each cell of a terrain, on a device.
+    """The ground that lava has covered in each cell of a terrain, on a device.
 
     Attributes:
         maps: The arrays that kernels update.

@@ -271,7 +271,7 @@ def _gather_kernel(real: Any, kernel_name: str) -> Any:
 
 @quick_kernel(writes='grids')
 def _clear(thread: int, known: wp.array2d(dtype=wp.uint8), grids: wp.array3d(dtype=wp.float32)):
-    """Let grids show no lava on cells with data, and nothing on others."""
+    """Fill grids with 0 (no lava) on cells with data, and with NaN on others."""
     i = thread // known.shape[1]
     j = thread % known.shape[1]
     dry = wp.float32(0.0)

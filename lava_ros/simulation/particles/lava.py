@@ -51,7 +51,7 @@ class ParticleLava:
         device: The Warp device.
         state: Arrays of the particles, and the clock.
         terrain: The ground on the device, shared by simulations on the same terrain.
-        covered: What lava has covered of each cell of the terrain.
+        covered: The ground that lava has covered in each cell of the terrain.
         raised: ``terrain``, no longer shared, if lava can solidify or has solidified onto it;
             otherwise None.
         neighbors: The grid of cells in which neighbours are found.
@@ -195,7 +195,7 @@ class ParticleLava:
         self.state.launches.forget()
 
     def bin(self) -> None:
-        """Assign the particles to cells in place of the previous motion, if it has not."""
+        """Assign the particles to cells, unless the previous motion has done so."""
         if not (self.state.form.has_empty or self.neighbors.is_binned):
             self.neighbors.bin(self.state, self.stage.arguments)
 

@@ -228,7 +228,7 @@ class Arrays:
 
 @dataclass(eq=False)
 class CellMaps:
-    """What lava has covered of each cell of the terrain (``covered_cells.py``)."""
+    """The ground that lava has covered in each cell of the terrain (``covered_cells.py``)."""
 
     arrived: wp.array = array(
         'time at which lava touched the cell [s], -1 before', 'float32', 'row', 'column'

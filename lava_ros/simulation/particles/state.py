@@ -52,7 +52,7 @@ class State(Arrays):
 
     Attributes:
         capacity: Number of particles for which arrays are allocated.
-        cell_maps: What lava has covered; kept by ``CoveredCells``.
+        cell_maps: The ground that lava has covered; kept by ``CoveredCells``.
         form: Properties for which kernels are compiled.
     """
 

@@ -72,7 +72,7 @@ def watched_effects(scene: Scene, effects: Effects, forced: Mapping[str, bool]) 
 
 
 class EffectChoice:
-    """Which effects are on, and when they are reviewed.
+    """The effects that are on, and the time of their next review.
 
     Attributes:
         forced: Effects that the user has forced on or off, by name; None if the user has given

@@ -159,7 +159,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
         return e
 
     @wp.func
-    def share_of(ground: vec2) -> real:
+    def part_of_gravity(ground: vec2) -> real:
         """Return the fraction of g that acts on a map, cos^2 b."""
         if wp.static(steep):
             return real(1.0) / (real(1.0) + wp.dot(ground, ground))
@@ -174,7 +174,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
         height = m.flow[i][0]
         column = column_of(i, p, m)
         ground = gradient_at(m.ground, p[0], p[1])
-        g = m.constants.gravity * share_of(ground)
+        g = m.constants.gravity * part_of_gravity(ground)
         fall = -g * vec2(m.flow[i][1], m.flow[i][2])
         m.kick[i] = fall
         half = real(wp.float64(0.5) * m.clock[at.STEP])
@@ -235,7 +235,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
         time = real(0.5) * (real(m.clock[at.FORMER_STEP]) + step)
         old = m.ordered_velocity[i]
         free = old + time * (m.kick[i] + lift) + step * scale * push
-        fall = time * g * share_of(ground)
+        fall = time * g * part_of_gravity(ground)
         column = column_of(i, p, m)
         new = slowed(free, fall, column, ground, m)
         m.velocity[i] = new
@@ -247,7 +247,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
                 # limited by the energy from weight and motion: speeds on the map do not account
                 # for the turn of lava that runs from level ground into a wall
                 way = step * new
-                surface = -m.kick[i] / (g * share_of(ground))
+                surface = -m.kick[i] / (g * part_of_gravity(ground))
                 given = height_at(m.ground, p[0], p[1])
                 given -= height_at(m.ground, p[0] + way.x, p[1] + way.y)
                 given += wp.dot(ground - surface, way)
