@@ -216,9 +216,7 @@ def sum_neighbors(real: Any, add: Any, lanes: int, parts: int) -> Any:
 
 
 @lru_cache
-def sums_function(
-    real: Any, kernel: Any, parts: int, has_heat: bool = False, lanes: int | None = None
-) -> Any:
+def sums_function(real: Any, kernel: Any, lanes: int, parts: int, has_heat: bool) -> Any:
     """Return the device function that sums thickness and its gradient over the neighbours.
 
     The sums (``sum_neighbors``) are of the ``terms`` of a ``SmoothingKernel``. With ``has_heat``
@@ -245,11 +243,11 @@ def sums_function(
         else:
             return vec3(sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy)
 
-    return sum_neighbors(real, added, lanes or parts, parts)
+    return sum_neighbors(real, added, lanes, parts)
 
 
 @lru_cache
-def wide_sums_function(wide_terms: str, has_heat: bool = False) -> Any:
+def wide_sums_function(wide_terms: str, has_heat: bool) -> Any:
     """Return the float32 device function of the same sums for a CPU."""
     heat = 'sum_3 += shapes * (is_in ? other_3 - p[3] : none);' if has_heat else ''
     sums_type = wp.vec4 if has_heat else wp.vec3

@@ -57,6 +57,7 @@ from lava_ros.simulation.particles.cells import (
 )
 from lava_ros.simulation.particles.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
 from lava_ros.simulation.particles.layout import age_at, arguments_type
+from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import speed_limit_function, terrain_functions
 
 #: Slope of an even layer at its edge, over the thickness there and times the kernel's radius.
@@ -163,25 +164,19 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     return balance
 
 
-@lru_cache
-def flow_kernels(
-    real: Any, kernel_name: str, is_balanced: bool, effects: Effects, lanes: int = 1,
-    parts: int = 1, is_short: bool = False, is_wide: bool = False, has_means: bool = True,
-) -> tuple[Any, Any]:
-    """Return the kernels that compute thickness and local velocity, for one set of effects.
+def flow_kernels(state: State, kernel_name: str, *, has_means: bool) -> tuple[Any, Any]:
+    """Return the kernels that compute thickness and local velocity of the particles of a state.
 
-    The first one, ``elevate``, is None unless the gradient ``is_balanced``.
-    ``parts`` is the number of parts in which a particle's neighbours are summed, ``lanes`` the
-    number of threads per particle: as many, or one. ``is_short``: latency dominates the launch.
-    ``is_wide``: a CPU processes several neighbours at a time (simd.py).
+    The first one, ``elevate``, is None unless the gradient needs the surface at the particles.
     Without ``has_means`` each particle moves by its own temperature.
     """
+    real, effects, shared = state.real, state.effects, (state.lanes, state.parts)
     has_heat = has_means and effects.any('stiffens')
-    if is_balanced:
-        elevate = _elevation_kernel(real, kernel_name, lanes, parts)
-        return elevate, _balanced_kernel(real, kernel_name, effects, lanes, parts, has_heat)
+    if state.form.has_surface:
+        elevate = _elevation_kernel(real, kernel_name, *shared)
+        return elevate, _balanced_kernel(real, kernel_name, effects, has_heat, *shared)
     return None, _energy_kernel(
-        real, kernel_name, effects, lanes, parts, is_short, is_wide, has_heat
+        real, kernel_name, effects, has_heat, *shared, state.is_short, state.is_wide
     )
 
 
@@ -199,8 +194,8 @@ def _mean_temperature_function(real: Any) -> Any:
 
 @lru_cache
 def _energy_kernel(
-    real: Any, kernel_name: str, effects: Effects, lanes: int, parts: int, is_short: bool,
-    is_wide: bool, has_heat: bool,
+    real: Any, kernel_name: str, effects: Effects, has_heat: bool, lanes: int, parts: int,
+    is_short: bool, is_wide: bool,
 ) -> Any:
     vec2, vec3 = (wp.types.vector(n, real) for n in (2, 3))
     kernel = smoothing_kernel(kernel_name, real)
@@ -209,7 +204,7 @@ def _energy_kernel(
     sums_around, sums_with_heat = (
         wide_sums_function(kernel.wide_terms, heat)
         if is_wide and kernel.wide_terms
-        else sums_function(real, kernel, parts, heat, lanes)
+        else sums_function(real, kernel, lanes, parts, heat)
         for heat in (False, True)
     )
     gradient_at = terrain_functions(real).gradient_at
@@ -312,7 +307,7 @@ def _elevation_kernel(real: Any, kernel_name: str, lanes: int, parts: int) -> An
 
 @lru_cache
 def _balanced_kernel(
-    real: Any, kernel_name: str, effects: Effects, lanes: int, parts: int, has_heat: bool
+    real: Any, kernel_name: str, effects: Effects, has_heat: bool, lanes: int, parts: int
 ) -> Any:
     vec2, vec4 = (wp.types.vector(n, real) for n in (2, 4))
     vec10 = wp.types.vector(10, real)

@@ -73,25 +73,21 @@ def is_within_the_motion(state: State, *, sums_up: bool) -> bool:
     return is_worth_it and not state.form.has_velocity
 
 
-def choice_within_motion(state: State, limits: Any, outlets: Any, emission: Any) -> StageChoice:
-    """Let a motion choose its stage, and emit by an ``emission_function`` unless it is None."""
+def stage_choice(
+    state: State, limits: Any, outlets: Any, emission: Any, arguments: Any, *, sums_up: bool
+) -> StageChoice:
+    """Return the choice of a stage by its motion, or after a launch of one block has made it.
+
+    Either also emits by an ``emission_function``, unless it is None.
+    """
     choose = choice_function(state.form, state.effects.any('freezes'))
     # one number for any vents: each different one would be another kernel
     threads = state.emitting_threads(FIRST_BLOCK)
     function = _function(state.real, choose, emission, threads)
-    has_long_sums = state.is_short or state.lanes < state.parts
-    return StageChoice(limits, outlets, function, BOUNDS[has_long_sums])
-
-
-def choose_before_motion(state: State, choice: StageChoice, arguments: Any) -> StageChoice:
-    """Choose a stage in a launch of one block before the motion, instead of within it.
-
-    Returns:
-        The choice to pass to the motion.
-    """
-    threads = FIRST_BLOCK if state.device.is_cuda else 1
-    kernel = _kernel(state.real, choice.function)
-    state.launches(
-        kernel, [choice.limits, choice.outlets, arguments], dim=threads, block_dim=threads
-    )
-    return StageChoice(choice.limits, choice.outlets)
+    if is_within_the_motion(state, sums_up=sums_up):
+        has_long_sums = state.is_short or state.lanes < state.parts
+        return StageChoice(limits, outlets, function, BOUNDS[has_long_sums])
+    block = FIRST_BLOCK if state.device.is_cuda else 1
+    kernel = _kernel(state.real, function)
+    state.launches(kernel, [limits, outlets, arguments], dim=block, block_dim=block)
+    return StageChoice(limits, outlets)

@@ -4,7 +4,6 @@
 """Computations of one stage of a time step, algorithm 1 of the paper, in their order."""
 
 from collections.abc import Callable
-from functools import partial
 import math
 from typing import Any
 
@@ -25,11 +24,7 @@ from lava_ros.simulation.step import motion, timestep
 from lava_ros.simulation.step.effects import parts_of
 from lava_ros.simulation.step.emission import emission_function, emit
 from lava_ros.simulation.step.flow import flow_kernels
-from lava_ros.simulation.step.fused_stage import (
-    choice_within_motion,
-    choose_before_motion,
-    is_within_the_motion,
-)
+from lava_ros.simulation.step.fused_stage import stage_choice
 from lava_ros.simulation.step.published_flow import publish_velocity
 from lava_ros.simulation.step.timestep import StageChoice
 from lava_ros.simulation.step.vents import VentSet
@@ -61,9 +56,6 @@ class Stage:
         }
         self._cells: Any = None
         self._arguments: Any = None
-        self._flow_kernels = partial(
-            flow_kernels, state.real, accuracy.kernel, state.form.has_surface, state.effects
-        )
         self._is_published = accuracy.formulation == 'as-published'
         self.parts = {
             name: part(scene, accuracy, terrain, state) for name, part in parts_of(state.effects)
@@ -92,9 +84,10 @@ class Stage:
             self.finish_flow()
         limits, arguments, outlets = self._limits_of(scene, vents), self.arguments, vents.outlets
         emission, has_empty = emission_function(state.form), state.form.has_empty
-        choice = choice_within_motion(state, limits, outlets, None if has_empty else emission)
-        if not is_within_the_motion(state, sums_up=self._mover is not None):
-            choice = choose_before_motion(state, choice, arguments)
+        choice = stage_choice(
+            state, limits, outlets, None if has_empty else emission, arguments,
+            sums_up=self._mover is not None,
+        )
         self._move(arguments, choice)
         if has_empty:
             emit(state, emission, outlets, arguments)
@@ -122,10 +115,8 @@ class Stage:
         stress in ``source`` and ``area``.
         """
         state, arguments = self._state, self.arguments
-        elevate, flow = self._flow_kernels(
-            state.lanes, state.parts, state.is_short, state.is_wide,
-            not self._is_published,
-        )
+        name, has_means = self._accuracy.kernel, not self._is_published
+        elevate, flow = flow_kernels(state, name, has_means=has_means)
         if state.form.has_surface:
             launch_over(state, elevate, [arguments], lanes=state.lanes)
         launch_over(state, flow, [arguments, fills_flow], lanes=state.lanes)

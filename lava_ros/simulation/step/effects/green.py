@@ -60,7 +60,7 @@ _MIN_PARTICLES_PER_PART = MIN_SUMS // 2
 
 
 @lru_cache
-def _sums_function(real: Any, parts: int, lanes: int | None = None) -> Any:
+def _sums_function(real: Any, lanes: int, parts: int) -> Any:
     """Return the device function of the K0-weighted sums of area and of volume times velocity.
 
     The sums are those of ``sum_neighbors``. Distances are in the units of ``K0Within``, ``least``
@@ -86,7 +86,7 @@ def _sums_function(real: Any, parts: int, lanes: int | None = None) -> Any:
             weight = real(0.0)
         return sums + weight * vec3(size, other[2], other[3])
 
-    return sum_neighbors(real, added, lanes or parts, parts)
+    return sum_neighbors(real, added, lanes, parts)
 
 
 @lru_cache
@@ -131,7 +131,7 @@ def _velocity_function(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
     within = k0_within(real)
     powers_of, k0 = within.powers_of, within.at
     sum_up = sum_over(real, lanes)
-    sums_around = _wide_sums_function() if is_wide else _sums_function(real, parts, lanes)
+    sums_around = _wide_sums_function() if is_wide else _sums_function(real, lanes, parts)
 
     @wp.func
     def velocity_of(lane: int, here: vec4, p: vec4, own: real, m: arguments_type(real)) -> vec3:

@@ -65,9 +65,7 @@ LARGEST_EIGENVALUE = 2.0
 
 
 @lru_cache
-def _sums_function(
-    real: Any, kernel: SmoothingKernel, parts: int, lanes: int | None = None
-) -> Any:
+def _sums_function(real: Any, kernel: SmoothingKernel, lanes: int, parts: int) -> Any:
     """Return the device function of the neighbour sums of A_j h_ij F_ij and of its pull.
 
     The sums are those of ``sum_neighbors``. F is without ``norm``, ``factor`` and l^4; the pull is
@@ -91,7 +89,7 @@ def _sums_function(
         pull = weight * (load_pair(solution, j) - u)
         return sums + vec3(weight, pull.x, pull.y)
 
-    return sum_neighbors(real, added, lanes or parts, parts)
+    return sum_neighbors(real, added, lanes, parts)
 
 
 @lru_cache
@@ -135,7 +133,7 @@ def _kernels(
     (load, store), total = access(real, 4), sum_over(real, lanes)
     limit_speed = speed_limit_function(real)
     gradient_at, raised = terrain_functions(real).gradient_at, raise_to(real)
-    sums_around = _sums_function(real, kernel, parts, lanes)
+    sums_around = _sums_function(real, kernel, lanes, parts)
     if is_wide and kernel.wide_terms:
         sums_around = _wide_sums_function(kernel.wide_terms)
 
