@@ -18,7 +18,6 @@ from lava_ros.scene import Terrain
 from lava_ros.scene.terrain import HALF, has_same_cells, PARTS
 from lava_ros.simulation.backend.compiled import access, quick_kernel
 from lava_ros.simulation.backend.memory import read
-from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.output.covered_cells import mark_bits, note_function
 from lava_ros.simulation.output.inundation import squares_in, standing_cells, TOUCHED
 from lava_ros.simulation.output.window import cell_in, CellWindow, Window
@@ -44,7 +43,8 @@ _SAVED = {
 
 
 @lru_cache
-def _kernel(real: Any) -> Any:
+def covered_ground_kernel(real: Any) -> Any:
+    """Return the kernel that records the ground under the ordered particles and their flow."""
     load, _ = access(real, 4)
     note = note_function(real, False)
 
@@ -86,14 +86,6 @@ def show_covered_cells(state: State, maps: Any, window: Window) -> None:
     window.launch(state, _show, arguments)
 
 
-def record_covered_ground(state: State, arguments: Any) -> None:
-    """Record the ground covered now, by the ordered particles and their flow.
-
-    ``arguments`` is the argument of the kernels of a stage.
-    """
-    launch_over(state, _kernel(state.real), [arguments])
-
-
 class CoveredCells:
     """The ground that lava has covered in each cell of a terrain, on a device.
 
@@ -106,10 +98,8 @@ class CoveredCells:
         self._terrain, self._device = terrain, device
         # filled on the device: members of an ensemble do this one after the other
         self.maps = CellMaps(
-            wp.full(terrain.shape, -1.0, dtype=wp.float32, device=device),
-            wp.full(terrain.shape, -1.0, dtype=wp.float32, device=device),
-            wp.zeros(terrain.shape, dtype=wp.int32, device=device),
-            wp.zeros(4, dtype=wp.int32, device=device),
+            *(wp.full(terrain.shape, -1.0, dtype=wp.float32, device=device) for _ in range(2)),
+            *(wp.zeros(size, dtype=wp.int32, device=device) for size in (terrain.shape, 4)),
         )
 
     def _put(

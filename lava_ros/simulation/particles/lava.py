@@ -14,10 +14,11 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.backend.streams import Reader
+from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.covered_maps import (
+    covered_ground_kernel,
     CoveredCells,
-    record_covered_ground,
     show_covered_cells,
 )
 from lava_ros.simulation.output.diagnostics import (
@@ -217,7 +218,8 @@ class ParticleLava:
         """Record the ground that lava covers now, if it has not flowed there."""
         self.order()
         self.stage.compute_flow()
-        record_covered_ground(self.state, self.stage.arguments)
+        kernel = covered_ground_kernel(self.state.real)
+        launch_over(self.state, kernel, [self.stage.arguments])
 
     def sort(self) -> None:
         """Sort the particles by cell and drop those off the terrain.

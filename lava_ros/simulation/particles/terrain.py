@@ -11,6 +11,7 @@ direction, quadratic across, the same at the corners, and curl-free.
 
 from functools import lru_cache
 import math
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,18 +38,13 @@ _PATCH = """
     return patch;
 """
 
+#: Maps of a terrain that simulations share.
+_HAS_DATA, _IS_SEA = attrgetter('has_data'), attrgetter('is_sea')
+
 
 def known_on(terrain: Terrain, device: Any) -> Any:
     """Return ``StaggeredTerrain.known``, which must not be written to."""
-    return shared_array(_has_data, terrain, wp.uint8, device)
-
-
-def _has_data(terrain: Terrain) -> np.ndarray:
-    return terrain.has_data
-
-
-def _is_sea(terrain: Terrain) -> np.ndarray:
-    return terrain.is_sea
+    return shared_array(_HAS_DATA, terrain, wp.uint8, device)
 
 
 class StaggeredTerrain:
@@ -70,7 +66,7 @@ class StaggeredTerrain:
         self.bare = shared_array(ringed_heights, terrain, REAL[precision], device)
         self.height, self.known, self.sea = self.bare, known_on(terrain, device), None
         if terrain.sea_level is not None:
-            self.sea = shared_array(_is_sea, terrain, wp.uint8, device)
+            self.sea = shared_array(_IS_SEA, terrain, wp.uint8, device)
         x0, y0 = np.asarray(terrain.origin) - centre_of(terrain)
         self.ground, self.exact_ground = ground_type(REAL[precision])(), ground_type(wp.float64)()
         for ground in (self.ground, self.exact_ground):

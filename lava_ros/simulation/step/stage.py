@@ -25,7 +25,7 @@ from lava_ros.simulation.step.effects import parts_of
 from lava_ros.simulation.step.emission import emission_function, emit
 from lava_ros.simulation.step.flow import flow_kernels
 from lava_ros.simulation.step.fused_stage import stage_choice
-from lava_ros.simulation.step.published_flow import publish_velocity
+from lava_ros.simulation.step.published_flow import published_kernel
 from lava_ros.simulation.step.timestep import StageChoice
 from lava_ros.simulation.step.vents import VentSet
 
@@ -124,7 +124,8 @@ class Stage:
     def finish_flow(self) -> None:
         """Let effects replace the local velocities: by lateral stress or momentum."""
         if self._is_published:
-            publish_velocity(self._state, self.arguments, self._viscosity)
+            kernel = published_kernel(self._state.real)
+            launch_over(self._state, kernel, [self.arguments, self._viscosity])
             return
         for part in self.parts.values():
             part.compute_velocity(self.arguments)
