@@ -130,7 +130,6 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
         'SLOTS': SLOTS,
         'CLEAR_OWN': CLEAR.replace('WHICH', 'slots'),
         'CLEAR': CLEAR.replace('WHICH', 'others'),
-        'LOST': flow_source.LOST,
         'FLUX': ''.join(faces),
         'HELD': '0.0f' if law is None else 'held[p]',
         'FLUID': 'fluid' if is_uniform else own,

@@ -405,29 +405,7 @@ STEP = """
     raise(slots + WEST, (int)(left + 2 - wet[2]));
     raise(slots + EAST, (int)(wet[3] - right + 2));
     together();
-    LOST
-    if (is_first) {
-        wet[0] = top + 2 - raised(slots + SOUTH), wet[1] = bottom - 2 + raised(slots + NORTH);
-        wet[2] = left + 2 - raised(slots + WEST), wet[3] = right - 2 + raised(slots + EAST);
-        box[0] = wet[0] > 2 ? wet[0] - 2 : 0;
-        box[1] = wet[1] + 2 < s.rows ? wet[1] + 2 : s.rows - 1;
-        box[2] = wet[2] > 2 ? wet[2] - 2 : 0;
-        box[3] = wet[3] + 2 < w ? wet[3] + 2 : w - 1;
-        s.peaks.data[0] = __builtin_bit_cast(float, raised(slots + HIGHEST));
-        s.peaks.data[1] = stiffness;
-        clock[0] = step < until - time ? time + step : until;
-        clock[1] = step;
-        clock[5] = full;
-        ++counts[0];
-        counts[1] += stages;
-        counts[2] = stages;
-        counts[3] += was_overdrawn;
-    }
-    together();
-"""
-
-#: Volume that has left over the border, and on cells outside of the ground; one warp sums it.
-LOST = """
+    // volume that has left over the border, and on cells outside of the ground; one warp sums it
     if (is_first_warp) {
         double out = 0.0, sums[3] = {0.0, 0.0, 0.0};
         const Span south = cells_of(row_0), north = cells_of(row_1);
@@ -449,4 +427,22 @@ LOST = """
             if (thread == 0) s.left.data[n] += sums[n];
         }
     }
+    if (is_first) {
+        wet[0] = top + 2 - raised(slots + SOUTH), wet[1] = bottom - 2 + raised(slots + NORTH);
+        wet[2] = left + 2 - raised(slots + WEST), wet[3] = right - 2 + raised(slots + EAST);
+        box[0] = wet[0] > 2 ? wet[0] - 2 : 0;
+        box[1] = wet[1] + 2 < s.rows ? wet[1] + 2 : s.rows - 1;
+        box[2] = wet[2] > 2 ? wet[2] - 2 : 0;
+        box[3] = wet[3] + 2 < w ? wet[3] + 2 : w - 1;
+        s.peaks.data[0] = __builtin_bit_cast(float, raised(slots + HIGHEST));
+        s.peaks.data[1] = stiffness;
+        clock[0] = step < until - time ? time + step : until;
+        clock[1] = step;
+        clock[5] = full;
+        ++counts[0];
+        counts[1] += stages;
+        counts[2] = stages;
+        counts[3] += was_overdrawn;
+    }
+    together();
 """

@@ -36,17 +36,23 @@ class CellPeaks:
             moved = np.pad(into(other.numpy()[1:-1, 1:-1]), 1).astype(np.float32)
             array.assign(np.fmax(array.numpy(), moved))
 
-    def on_terrain(self, onto: Callable[[np.ndarray], np.ndarray], rows: slice) -> np.ndarray:
+    def on_terrain(
+        self, onto: Callable[[np.ndarray], np.ndarray], rows: slice
+    ) -> np.ndarray:
         """Return thickness and temperature on some of the terrain's cells: [2, rows, columns].
 
         In a cell of several smaller ones it is the mean of their peaks, and the temperature by
         thickness. ``onto`` converts maps of the solver's cells, and needs these ``rows`` of them.
         """
-        maps = np.zeros((2, *np.subtract(self._maps[0].shape, 2)), dtype=np.float32)
-        for values, array in zip(maps, self._maps, strict=True):
-            if rows.stop > rows.start:
+        thickness, temperature = (
+            np.zeros(np.subtract(self.highest.thickness.shape, 2), dtype=np.float32)
+            for _ in range(2)
+        )
+        if rows.stop > rows.start:
+            for values, array in (
+                (thickness, self.highest.thickness), (temperature, self.highest.temperature)
+            ):
                 values[rows] = array[rows.start + 1 : rows.stop + 1].numpy()[:, 1:-1]
-        thickness, temperature = maps
         mean = onto(thickness)
         with np.errstate(invalid='ignore', divide='ignore'):
             warm = onto(thickness * temperature) / mean

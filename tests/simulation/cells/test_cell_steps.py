@@ -13,19 +13,11 @@ import warp as wp
 
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import Scene, Terrain
+from lava_ros.simulation.cells import state as at
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import lay_ground
 from lava_ros.simulation.cells.heat import HeatState
-from lava_ros.simulation.cells.state import (
-    Cells,
-    CellState,
-    LENGTH,
-    LIMITED,
-    STAGES,
-    STEPS,
-    TARGET,
-    TIME,
-)
+from lava_ros.simulation.cells.state import CellState, LENGTH, LIMITED, STAGES, STEPS, TIME
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import GRAVITY, ISOTHERMAL, NU
 
@@ -50,9 +42,9 @@ def steps_kernel(effects, *, is_uniform):
     step = step_function(effects, is_uniform=is_uniform)
 
     @wp.kernel(module='unique', enable_backward=False, grid_stride=False)
-    def take_steps(s: Cells, most: int):
+    def take_steps(s: at.Cells, most: int):
         for _ in range(most):
-            if s.clock[TIME] >= s.clock[TARGET]:
+            if s.clock[at.TIME] >= s.clock[at.TARGET]:
                 break
             step(s)
 
