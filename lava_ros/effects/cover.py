@@ -70,13 +70,13 @@ def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
     @wp.func
     def cover(constants: constants_type, column: column_type) -> vec2:
         ambient, temperature = real(constants.ambient), column.temperature
-        share = real(constants.cover) * wp.exp(-real(constants.cover_decay) * column.speed)
+        covered = real(constants.cover) * wp.exp(-real(constants.cover_decay) * column.speed)
         bare = transfer(constants, temperature)
         crusted = bare
         crust = wp.max(real(constants.crust), ambient)
         if temperature > crust:
             crusted = transfer(constants, crust) * (crust - ambient) / (temperature - ambient)
-        rate = (share * crusted + (real(1.0) - share) * bare) / column.normal_thickness
+        rate = (covered * crusted + (real(1.0) - covered) * bare) / column.normal_thickness
         return vec2(rate, rate * ambient)
 
     return cover

@@ -98,8 +98,8 @@ def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
         r = resistance(constants, thickness, age, real(0.5))
         # start from above: the minimum of the core's temperature and the limit by radiation alone
         excess = wp.max(temperature - ambient, real(0.0))
-        most = wp.sqrt(wp.sqrt(fourth + excess / wp.max(r * radiation, real(1.0e-30))))
-        surface = wp.max(ambient, wp.min(temperature, most))
+        hottest = wp.sqrt(wp.sqrt(fourth + excess / wp.max(r * radiation, real(1.0e-30))))
+        surface = wp.max(ambient, wp.min(temperature, hottest))
         for _ in range(NEWTON_STEPS):
             cube = surface * surface * surface
             flux = radiation * (cube * surface - fourth) + convection * (surface - ambient)

@@ -77,9 +77,9 @@ def stiffening(wp: Any, real: Any, law_type: Any, viscosity: Any) -> Any:
 
     @wp.func
     def stiffened(law: law_type, temperature: real) -> real:
-        share = (real(law.liquidus) - temperature) / real(law.liquidus - law.solidus)
-        share = wp.clamp(share, real(0.0), real(1.0))
-        room = wp.max(real(1.0) - share * real(law.crystals_over_packing), real(MIN_FREE_FRACTION))
+        solid = (real(law.liquidus) - temperature) / real(law.liquidus - law.solidus)
+        solid = wp.clamp(solid, real(0.0), real(1.0))
+        room = wp.max(real(1.0) - solid * real(law.crystals_over_packing), real(MIN_FREE_FRACTION))
         return viscosity(law, temperature) * wp.pow(room, -real(law.crystal_exponent))
 
     return stiffened

@@ -17,9 +17,9 @@ from lava_ros.effects.scales import footprint_change, Scales, thickness_change
 from lava_ros.errors import LavaError
 
 
-def number(default: float | None, text: str, least: float, most: float, unit: str = '') -> Any:
+def number(default: float | None, text: str, lower: float, upper: float, unit: str = '') -> Any:
     """Return a dataclass field that is a number within limits, or its default of None."""
-    return field(default=default, metadata={'text': text, 'limits': (least, most), 'unit': unit})
+    return field(default=default, metadata={'text': text, 'limits': (lower, upper), 'unit': unit})
 
 
 def choice(default: str, text: str, choices: Iterable[str]) -> Any:
@@ -49,9 +49,9 @@ def check_fields(label: str, item: Any) -> None:
         if value is None and one.default is None:
             continue
         if 'limits' in one.metadata:
-            least, most = one.metadata['limits']
+            lower, upper = one.metadata['limits']
             value = validation.number(
-                name, value, at_least=least, at_most=most, unit=one.metadata['unit']
+                name, value, at_least=lower, at_most=upper, unit=one.metadata['unit']
             )
             object.__setattr__(item, one.name, value)
         elif 'choices' in one.metadata:

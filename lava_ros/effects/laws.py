@@ -52,7 +52,7 @@ class _Host:
         vector=lambda length, real: lambda *items: _Vector(items or (0.0,) * length)
     )
     func = staticmethod(lambda function: function)
-    clamp = staticmethod(lambda value, least, most: min(max(value, least), most))
+    clamp = staticmethod(lambda value, lower, upper: min(max(value, lower), upper))
     static = staticmethod(lambda value: value)
 
 

@@ -15,9 +15,9 @@ NEWTONIAN_FACE = """
 #: The same by a law: its fluidity [1/(Pa s)] and yield strength [Pa].
 LAW_FACE = """
     auto face_of = [&](long p, long q, const float*, float* mobility, float* held) {
-        const float a = y[p], b = y[q], share = 1.0f / (a + b + 1e-30f);
-        mobility[p] = (a * fluidity[p] + b * fluidity[q]) * share;
-        held[p] = (a * strength[p] + b * strength[q]) * share;
+        const float a = y[p], b = y[q], inverse = 1.0f / (a + b + 1e-30f);
+        mobility[p] = (a * fluidity[p] + b * fluidity[q]) * inverse;
+        held[p] = (a * strength[p] + b * strength[q]) * inverse;
     };
 """
 
@@ -57,12 +57,12 @@ BY_LAW = """
         const float across = -0.25f * per_cell * (
             fall_of(p - side, p, beside) + fall_of(p, p + side, beside)
             + fall_of(q - side, q, beside) + fall_of(q, q + side, beside));
-        const float share = 1.0f / (f.sum + 1e-30f);
+        const float inverse = 1.0f / (f.sum + 1e-30f);
         const auto speed = LAW(
             s.law, s.weight, 0.5f * f.sum, -f.fall * per_cell, across, -drop * per_cell, cross[p],
             mobility, held);
         // mean of h^3 over the cube of the mean
-        const float mean = per_cell * per_cell * (a * a + b * b) * share;
+        const float mean = per_cell * per_cell * (a * a + b * b) * inverse;
         f.rate = f.sum > 0.0f ? mean * speed[0] : 0.0f;
         f.stiff = stiffened(f.sum > 0.0f ? mean * speed[1] : 0.0f, f.fall, a, b);
         f.max_flux = max_rate * a;

@@ -116,9 +116,9 @@ def _weigh_kernel(real: Any, kernel_name: str) -> Any:
                 if square < real(1.0):
                     distance = wp.sqrt(square)
                     area = p[2] / m.flow[k][0]
-                    share = area * shape(distance)
-                    height += share * m.flow[k][0]
-                    cover += share
+                    covered = area * shape(distance)
+                    height += covered * m.flow[k][0]
+                    cover += covered
                     area *= slope(distance)
                     rise_x += area * dx
                     rise_y += area * dy

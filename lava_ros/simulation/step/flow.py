@@ -186,8 +186,8 @@ def _mean_temperature_function(real: Any) -> Any:
 
     @wp.func
     def mean_temperature(own: real, warmer: real, rise: vec2, height: real, radius: real) -> real:
-        beside = wp.length(rise) * radius / (real(_EDGE) * height)
-        return own + wp.max(real(1.0) - beside, real(0.0)) * warmer
+        steepness = wp.length(rise) * radius / (real(_EDGE) * height)
+        return own + wp.max(real(1.0) - steepness, real(0.0)) * warmer
 
     return mean_temperature
 

@@ -142,8 +142,8 @@ def _deposit_function(real: Any) -> Any:
         # cells without data and the ring are raised too, so that the deposit has no cliff there
         for row in range(patch[2], patch[3]):
             for column in range(patch[0], patch[1]):
-                share = parts * weight_of(exact, p[0], p[1], width, row, column)
-                wp.atomic_add(deposit, row + 1, column + 1, wp.int64(wp.round(share)))
+                amount = parts * weight_of(exact, p[0], p[1], width, row, column)
+                wp.atomic_add(deposit, row + 1, column + 1, wp.int64(wp.round(amount)))
         # lava too thin to reach any of the cells is placed in all of them
         level = wp.int32(2)
         shown = total_of(p, m, exact, width, level)
@@ -154,10 +154,10 @@ def _deposit_function(real: Any) -> Any:
         for row in range(wp.max(patch[2], 0), wp.min(patch[3], exact.rows)):
             for column in range(wp.max(patch[0], 0), wp.min(patch[1], exact.columns)):
                 if is_shown(m, row, column, level):
-                    share = wp.round(parts * weight_of(exact, p[0], p[1], width, row, column))
-                    before = wp.atomic_add(placed, row, column, wp.int64(share))
+                    amount = wp.round(parts * weight_of(exact, p[0], p[1], width, row, column))
+                    before = wp.atomic_add(placed, row, column, wp.int64(amount))
                     # films too thin to count may add up
-                    top = (wp.float64(before) + share) * wp.float64(wp.static(THICKNESS_UNIT))
+                    top = (wp.float64(before) + amount) * wp.float64(wp.static(THICKNESS_UNIT))
                     is_thick = top >= wp.float64(m.constants.threshold)
                     if is_thick and m.arrived[row, column] < wp.float32(0.0):
                         m.arrived[row, column] = wp.float32(m.clock[TIME])
