@@ -117,7 +117,7 @@ def shared_array(
 
     Args:
         values: Function of the source.
-        source: What the values belong to, such as a terrain.
+        source: The source, such as a terrain.
         dtype: Warp type of the array.
         device: The Warp device.
     """

@@ -24,21 +24,19 @@ class CellPeaks:
     def __init__(self, shape: tuple[int, ...], device: Any) -> None:
         """Allocate for maps of a shape with their ring, without lava."""
         self.highest = Highest()
-        self.highest.thickness = wp.zeros(shape, dtype=wp.float32, device=device)
-        self.highest.temperature = wp.zeros(shape, dtype=wp.float32, device=device)
+        self._maps = [wp.zeros(shape, dtype=wp.float32, device=device) for _ in range(2)]
+        self.highest.thickness, self.highest.temperature = self._maps
 
     def restart(self, thickness: np.ndarray, temperature: np.ndarray) -> None:
         """Begin again with lava of a thickness [m] and a temperature [K], maps with their ring."""
-        self.highest.thickness.assign(thickness.astype(np.float32))
-        self.highest.temperature.assign(temperature.astype(np.float32))
+        for array, values in zip(self._maps, (thickness, temperature), strict=True):
+            array.assign(values.astype(np.float32))
 
     def move(self, former: 'CellPeaks', into: Callable[[np.ndarray], np.ndarray]) -> None:
         """Continue the peaks of another grid; ``into`` converts a map from its cells."""
-        for name in ('thickness', 'temperature'):
-            values = getattr(former.highest, name).numpy()[1:-1, 1:-1]
-            own = getattr(self.highest, name)
-            moved = np.pad(into(values), 1).astype(np.float32)
-            own.assign(np.fmax(own.numpy(), moved))
+        for array, other in zip(self._maps, former._maps, strict=True):
+            moved = np.pad(into(other.numpy()[1:-1, 1:-1]), 1).astype(np.float32)
+            array.assign(np.fmax(array.numpy(), moved))
 
     def on_terrain(
         self, onto: Callable[[np.ndarray], np.ndarray], cells: tuple[slice, slice]

@@ -27,12 +27,8 @@ _FLAWS = ('', 'thickness is not a number of metres', 'temperature is not a numbe
 
 @quick_kernel(writes='peaks flaw', fast_math=False)
 def _raise_peaks(
-    thread: int,
-    known: wp.array2d(dtype=wp.uint8),
-    maps: wp.array3d(dtype=wp.float32),
-    peaks: wp.array3d(dtype=wp.float32),
-    flaw: wp.array(dtype=wp.int32),
-    window: CellWindow,
+    thread: int, known: wp.array2d(dtype=wp.uint8), maps: wp.array3d(dtype=wp.float32),
+    peaks: wp.array3d(dtype=wp.float32), flaw: wp.array(dtype=wp.int32), window: CellWindow,
 ):
     """Raise the peaks of thickness and temperature to the values of a map."""
     cell = cell_in(window, thread)

@@ -4,6 +4,7 @@
 """Steps of the flow on cells: order, laws, volume and borders."""
 
 from dataclasses import replace
+from functools import lru_cache
 import math
 
 import numpy as np
@@ -12,7 +13,8 @@ import warp as wp
 
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import Scene, Terrain
-from lava_ros.simulation.cells.flow import step_kernel
+from lava_ros.simulation.cells import state as at
+from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import lay_ground
 from lava_ros.simulation.cells.heat import HeatState
 from lava_ros.simulation.cells.state import (
@@ -44,6 +46,21 @@ def centres(half, cell):
     return np.meshgrid(line, line)
 
 
+@lru_cache
+def steps_kernel(effects, *, is_uniform):
+    """Return the kernel that takes steps until ``clock[TARGET]``, or a number of them."""
+    step = step_function(effects, is_uniform=is_uniform)
+
+    @wp.kernel(module='unique', enable_backward=False, grid_stride=False)
+    def take_steps(s: at.Cells, most: int):
+        for _ in range(most):
+            if s.clock[at.TIME] >= s.clock[at.TARGET]:
+                break
+            step(s)
+
+    return take_steps
+
+
 def lava_on(
     elevation, cell, thickness, *, effects=NONE, lava=ISOTHERMAL, viscosity=None, film=1e-6
 ):
@@ -61,7 +78,7 @@ def lava_on(
     state.box.assign(np.array([0, rows - 1, 0, columns - 1], dtype=np.int32))
     state.vent_box.assign(np.array([0, -1, 0, -1], dtype=np.int32))
     state.peaks.assign([thickness.max(), 0.0])
-    kernel = step_kernel(effects, is_uniform=np.ptp(viscosity) == 0.0)
+    kernel = steps_kernel(effects, is_uniform=bool(np.ptp(viscosity) == 0.0))
 
     def advance(until, longest=1e9, steps=10**7):
         clock = state.clock.numpy()
