@@ -143,13 +143,23 @@ STEP = """
     };
     float max_rate = 0.0f;
     FLUX
-    // nothing passes the faces at the ends of the spans
-    for (long i = top; is_serial && i <= bottom; ++i) {
-        for (long p = i * w + begin_of(i); p <= i * w + end_of(i) + 1; ++p)
-            s.flux_x.data[p - 1] = s.former_x.data[p - 1] = 0.0f;
-        for (long n = i; n <= i + 1 && n <= bottom; ++n)
-            for (long p = i * w + begin_of(n); i < bottom && p <= i * w + end_of(n); ++p)
-                s.flux_y.data[p] = s.former_y.data[p] = 0.0f;
+    // nothing passes the faces at the ends of the spans, to which no stage writes
+    for (long i = first_for_warp(top); i <= last_of(bottom); i += warps) {
+        const long from = begin_of(i), to = end_of(i), count = to - from + 1;
+        for (long j = from - 1 + thread * count; j <= to; j += threads * count)
+            if (j >= 0) {
+                const long p = i * w + j;
+                s.flux_x.data[p] = s.former_x.data[p] = first_x[p] = 0.0f;
+            }
+        if (i == bottom) continue;
+        const Span own{from, to}, next{begin_of(i + 1), end_of(i + 1)}, common = both(own, next);
+        auto clear = [&](long begin, long end) {
+            for (long p = i * w + begin + thread; p <= i * w + end; p += threads)
+                s.flux_y.data[p] = s.former_y.data[p] = first_y[p] = 0.0f;
+        };
+        const long begin = from < next.from ? from : next.from, end = to > next.to ? to : next.to;
+        clear(begin, common.from <= common.to ? common.from - 1 : end);
+        if (common.from <= common.to) clear(common.to + 1, end);
     }
     // calls a function of the faces of a row, from the first to the last: along the row, then
     // those to the next row

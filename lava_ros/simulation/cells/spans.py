@@ -18,8 +18,8 @@ from lava_ros.simulation.cells.threads import shared
 #: Names in C++: first and last column of a row of the window that a step visits.
 COLUMNS = """
     const int* spans = s.spans.data;
-    auto begin_of = [&](long i) -> long { return is_serial ? spans[4 * i] : s.box.data[2]; };
-    auto end_of = [&](long i) -> long { return is_serial ? spans[4 * i + 1] : s.box.data[3]; };
+    auto begin_of = [&](long i) -> long { return spans[4 * i]; };
+    auto end_of = [&](long i) -> long { return spans[4 * i + 1]; };
 """
 
 #: Names in C++: as ``COLUMNS``, and the first and last column of a row between ``left`` and
@@ -33,21 +33,23 @@ _FIND = """{
     const long top = s.box.data[0], bottom = s.box.data[1];
     const long left = s.box.data[2], right = s.box.data[3];
     SHARED
-    if (!is_serial) return;
     const int* vents = s.vent_box.data;
     int* spans = s.spans.data;
-    for (long i = top; i <= bottom; ++i) {
+    for (long i = first_for_warp(top); i <= last_of(bottom); i += warps) {
         const double* h = s.thickness.data + i * s.stride;
-        long from = left, to = right;
-        while (from <= to && h[from] == 0.0) ++from;
-        while (from <= to && h[to] == 0.0) --to;
+        long from = left + thread, to = right - (right - from) % threads;
+        while (from <= to && h[from] == 0.0) from += threads;
+        while (from <= to && h[to] == 0.0) to -= threads;
+        const bool is_dry = from > to;
+        from = -largest(is_dry ? -right - 1 : -from), to = largest(is_dry ? left - 1 : to);
         if (i >= vents[0] && i <= vents[1]) {
             from = vents[2] < from ? vents[2] : from;
             to = vents[3] > to ? vents[3] : to;
         }
-        spans[4 * i + 2] = from, spans[4 * i + 3] = to;
+        if (thread == 0) spans[4 * i + 2] = from, spans[4 * i + 3] = to;
     }
-    for (long i = top; i <= bottom; ++i) {
+    together();
+    for (long i = first_for_one(top); i <= last_of(bottom); i += single) {
         long from = right + 1, to = left - 1;
         for (long n = i - 2 > top ? i - 2 : top; n <= i + 2 && n <= bottom; ++n) {
             if (spans[4 * n + 2] > spans[4 * n + 3]) continue;
@@ -60,6 +62,7 @@ _FIND = """{
         }
         spans[4 * i] = from, spans[4 * i + 1] = to;
     }
+    together();
 }"""
 
 

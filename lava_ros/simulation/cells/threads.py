@@ -14,10 +14,11 @@ THREADS = 512
 
 #: Names in C++: numbers of this thread's cells along a row (``lane``, ``lanes``) and of its rows
 #: (``first_of``, ``last_of``, ``lines``), of those from ``top`` to ``bottom``; the same if each
-#: row has one warp (``thread``, ``threads``, ``first_for_warp``, ``warps``). ``together`` waits
-#: for all threads of the world and makes their results readable. ``raise`` and, after that,
-#: ``raised`` find a maximum of positive integers, ``mark`` sets a cleared number to 1 if any
-#: thread does, and ``summed`` adds numbers of a warp.
+#: row has one warp (``thread``, ``threads``, ``first_for_warp``, ``warps``), or one thread
+#: (``first_for_one``, ``single``). ``together`` waits for all threads of the world and makes
+#: their results readable. ``raise`` and, after that, ``raised`` find a maximum of positive
+#: integers, ``largest`` that of a warp, ``mark`` sets a cleared number to 1 if any thread does,
+#: and ``summed`` adds numbers of a warp.
 SHARED = """
 #if defined(__CUDA_ARCH__)
 #define APART
@@ -33,13 +34,19 @@ SHARED = """
     const long band_0 = top + rank * band, band_1 = band_0 + band - 1;
     auto first_of = [&](long i) { return (i > band_0 ? i : band_0) + line; };
     auto first_for_warp = [&](long i) { return (i > band_0 ? i : band_0) + (threadIdx.x >> 5); };
+    const long single = blockDim.x;
+    auto first_for_one = [&](long i) { return (i > band_0 ? i : band_0) + threadIdx.x; };
     auto last_of = [&](long i) { return i < band_1 ? i : band_1; };
     auto together = [&] { TOGETHER };
-    auto raise = [&](int* slot, int value) {
+    auto largest = [](int value) {
         for (int apart = 16; apart > 0; apart /= 2) {
             const int other = __shfl_xor_sync(~0u, value, apart);
             value = other > value ? other : value;
         }
+        return value;
+    };
+    auto raise = [&](int* slot, int value) {
+        value = largest(value);
         if (thread == 0 && value > 0) atomicMax(slot, value);
     };
     auto mark = [&](int* slot, int value) {
@@ -58,8 +65,11 @@ SHARED = """
     constexpr long lanes = 1, lane = 0, lines = 1, threads = 1, thread = 0, warps = 1;
     auto first_of = [](long i) { return i; };
     auto first_for_warp = [](long i) { return i; };
+    constexpr long single = 1;
+    auto first_for_one = [](long i) { return i; };
     auto last_of = [](long i) { return i; };
     auto together = [] {};
+    auto largest = [](int value) { return value; };
     auto raise = [](int* slot, int value) { *slot = value > *slot ? value : *slot; };
     auto raised = [](int* slot) { return *slot; };
     auto mark = [](int* slot, int value) { *slot |= value; };
