@@ -9,6 +9,7 @@ from typing import Any
 
 from lava_ros.cli.console import key_of
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.output import budget
 
 Schema = dict[str, Any]
 
@@ -113,14 +114,8 @@ QUALITY = {
 
 VOLUMES = {
     **{
-        f'volume_{name}_m3': number(f'Volume of lava: {meaning}') for name, meaning in {
-            'emitted': 'emitted by the vents, and present at the start',
-            'held': 'in the simulation', 'pending': 'part of held that waits in the vents',
-            'left': 'over the border, in cells without data, or in the sea',
-            'frozen': 'solidified', 'late': 'part of pending that is overdue',
-            'in_holes': 'part of left in cells without data',
-            'in_sea': 'part of left in the sea', 'thin': 'too thin to count as inundation',
-        }.items()
+        budget.volume_key(name): number(f'Volume {label}: {meaning}')
+        for name, (label, meaning) in budget.VOLUMES.items()
     },
     'volume_error': number('Fraction of the emitted volume that is unaccounted for'),
 }

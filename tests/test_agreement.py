@@ -132,7 +132,7 @@ def run(tmp_path_factory):
 def test_eruption_solidifies_drains_and_still_flows(run):
     assert not any(item['on_since_s'] for item in run.decisions)
     reached, standing = np.isfinite(run.arrival), run.thickness >= 0.1
-    assert run.volume['volume_frozen_m3'] > 0.05 * run.volume['volume_emitted_m3']
+    assert run.volume['volume_solidified_m3'] > 0.05 * run.volume['volume_emitted_m3']
     assert (reached & ~standing).sum() >= 5
     assert not (standing & ~reached).any()
     assert ((run.arrival > 0.0) & (run.arrival < 600.0)).any() and np.nanmax(run.arrival) > 1500.0
@@ -243,9 +243,9 @@ def test_standing_lava_is_the_same_in_all_outputs(run):
     assert f'up to {thickest:.3g} m thick' in run.plot['summary']
     volume = run.thickness.sum() * cell
     assert run.score['volume_m3'] == pytest.approx(volume, rel=1e-6)
-    flowing = run.volume['volume_held_m3'] - run.volume['volume_pending_m3']
-    assert flowing + run.volume['volume_frozen_m3'] == pytest.approx(volume, rel=1e-5)
-    assert float(run.bag.diagnostics['volume_frozen_m3']) == run.volume['volume_frozen_m3']
+    flowing = run.volume['volume_flowing_m3']
+    assert flowing + run.volume['volume_solidified_m3'] == pytest.approx(volume, rel=1e-5)
+    assert float(run.bag.diagnostics['volume_solidified_m3']) == run.volume['volume_solidified_m3']
 
 
 @pytest.mark.parametrize('name', ['thickness', 'arrival', 'inundated'])

@@ -116,7 +116,8 @@ def test_every_output_has_the_same_area_and_volumes(folder, result, maps, tmp_pa
     done('map', run, '-o', tmp_path / 'page.html')
     page = html.unescape((tmp_path / 'page.html').read_text())
     in_sea = f'{result["volume_in_sea_m3"]:,.1f} m'
-    assert result['volume_left_m3'] == result['volume_in_sea_m3'] > 100.0
+    assert result['volume_lost_in_sea_m3'] > 100.0
+    assert result['volume_lost_over_border_m3'] == result['volume_lost_in_no_data_m3'] == 0.0
     for text in (said, page):
         assert area_words(area) in text and in_sea in text
         assert result['numerical_error_text'].partition(' (')[0] in text

@@ -67,8 +67,8 @@ def check_restored(checkpoint: Checkpoint, unused: Iterable[str], time: float) -
 def check_conserved(budget: VolumeBudget) -> None:
     """Raise LavaError if the volumes of a resumed simulation do not add up."""
     if not budget.error <= TOLERANCE:
-        found = f'{budget.held:g} m3 flowing, {budget.frozen:g} m3 solidified and '
-        found += f'{budget.left:g} m3 lost'
+        found = f'{budget.flowing:g} m3 flowing, {budget.solidified:g} m3 solidified, '
+        found += f'{budget.lost:g} m3 lost and {budget.waiting:g} m3 waiting in the vents'
         expected = f'together the {budget.emitted:g} m3 that were emitted'
         raise LavaError('checkpoint.volume', found, expected)
 
