@@ -211,7 +211,10 @@ _SHARED = {item[0][0]: item for item in (
     ),
     argument('--preset', None, 'accuracy', DEFAULT_PRESET, choices=PRESETS),
     argument('--seed', 'N', 'seed of the random numbers', 0),
-    argument('--spacing', 'M', "distance between particles [m]; replaces the preset's", float),
+    argument(
+        '--spacing', 'M', "distance between particles [m]; replaces the preset's; cells have the "
+        "nearest size that is 2^k times that of the terrain's cells", float,
+    ),
     argument(
         '--start', 'DATE', 'date of the start of the eruption, which is time 0: '
         '2021-09-19T14:10:00Z; maps and tables then have dates (default: that of the run, if it '

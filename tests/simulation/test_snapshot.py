@@ -273,7 +273,7 @@ def test_ground_without_data_and_dry_cells_are_no_flaws():
     [
         (lambda: replace(snapshot(), time=np.nan), 'time nan s'),
         (lambda: replace(snapshot(), budget=VolumeBudget(1.0, np.nan, 0.0, 0.0)), 'flowing=nan'),
-        (lambda: replace(snapshot(), budget=VolumeBudget(1.0, 1.0, 0.0, np.inf)), 'over_border=inf'),
+        (lambda: replace(snapshot(), budget=VolumeBudget(1.0, 1.0, 0.0, np.inf)), 'border=inf'),
         (lambda: snapshot(thickness=np.nan), 'thickness is not a number of metres in 1 cell'),
         (lambda: snapshot(thickness=np.inf), 'thickness'),
         (lambda: snapshot(thickness=-0.1), 'thickness'),
