@@ -266,8 +266,8 @@ def test_calibration_reports_near_best_sets(valley, tmp_path):
     output = refused(*words, '4')
     assert '--directions' in output and '2 as in' in output
     for more, named in (
-        (['--spacing', '50'], '--spacing is 50.0'), (['--preset', 'fine'], "--preset is 'fine'"),
-        (['--low-pass', '30'], '--low-pass is 30.0'), ([], 'The case valley has changed'),
+        (['--spacing', '50'], '--spacing is 50'), (['--preset', 'fine'], "--preset is 'fine'"),
+        (['--low-pass', '30'], '--low-pass is 30'), ([], 'The case valley has changed'),
     ):
         if not more:
             (valley[1] / 'case.yaml').write_text(LAVA.replace('200', '300'))
