@@ -115,7 +115,7 @@ def test_every_output_has_the_same_area_and_volumes(folder, result, maps, tmp_pa
     assert values['flow_kind'] == result['flow_kind']
     done('map', run, '-o', tmp_path / 'page.html')
     page = html.unescape((tmp_path / 'page.html').read_text())
-    in_sea = f'{result["volume_in_sea_m3"]:,.1f} m'
+    in_sea = f'{result["volume_lost_in_sea_m3"]:,.1f} m'
     assert result['volume_lost_in_sea_m3'] > 100.0
     assert result['volume_lost_over_border_m3'] == result['volume_lost_in_no_data_m3'] == 0.0
     for text in (said, page):

@@ -5,8 +5,8 @@
 
 from collections.abc import Callable
 import errno
-import json
 from io import BytesIO, TextIOWrapper
+import json
 import math
 import os
 from pathlib import Path
