@@ -306,7 +306,7 @@ SPAN = {
 
 INFO = keys('A bag', {
     'path': text('The bag'), 'size_bytes': count('Size'),
-    'recovered': flag('True if the recording was cut off'), **SPAN,
+    'finished': flag('False if the recording was cut off, or has not ended'), **SPAN,
     'duration_s': number('Time from the first to the last message'),
     'damage': each(text(), 'Damaged parts'),
     'files': each(keys('A file', {

@@ -177,8 +177,8 @@ _SHARED = {item[0][0]: item for item in (
     ),
     argument('--fresh', None, 'ignore the results of earlier runs', action='store_true'),
     argument(
-        '--incomplete', None, 'accept a bag that is damaged or lacks messages: exit with status 0 '
-        'instead of 1', action='store_true',
+        '--incomplete', None, 'accept a bag that is damaged, cut off or lacks messages: exit with '
+        'status 0 instead of 1', action='store_true',
     ),
     argument(
         '--json', 'FILE', 'write the result as JSON to a file, or to stdout without a file or '
