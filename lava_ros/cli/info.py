@@ -124,7 +124,7 @@ def _simulation(bag: BagReader, node: str | None) -> dict[str, Any]:
         moment = moments[0]
         names = [name for name in moment.values if name.startswith('volume_')]
         found['simulation'] = {
-            'time_s': moment.time,
+            'simulated_time_s': moment.time,
             **{name: moment.number(name) for name in names},
             'numerical_error': error_of_moment(moment),
             'warnings': warnings_of_moments([moment]),
@@ -155,7 +155,7 @@ def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> li
         several = '; --node shows one of them' if len(data['nodes']) > 1 else ''
         lines.append(f'nodes      {", ".join(data["nodes"])}{several}')
     if (simulation := data['simulation']) is not None:
-        lines.append(f'simulated  {simulation["time_s"]:.3f} s')
+        lines.append(f'simulated  {simulation["simulated_time_s"]:.3f} s')
         budget = VolumeBudget.from_texts(simulation)
         if budget is not None:
             lines += ['volumes', *(f'  {name:30} {value}' for name, value in budget.rows())]

@@ -76,7 +76,7 @@ def measuring(
     chosen, reduction = partner or partner_of(scene, accuracy, effects)
     pairs: dict[str, Pair] = {}
     others: list[Areas] = []
-    for part, ground in (('particles', scene), ('ground', on_coarser_ground(scene))):
+    for part, ground in (('lava', scene), ('ground', on_coarser_ground(scene))):
         if ground is None:
             continue
         simulation = Simulation(
@@ -84,7 +84,7 @@ def measuring(
         )
         yield from driving(simulation, time)
         others.append(areas(simulation.snapshot()))
-        if part == 'particles':
+        if part == 'lava':
             pairs[part] = Pair(run, others[0], reduction)
         else:
             pairs[part] = Pair(others[0], others[1], richardson(2.0, GROUND_ORDER))

@@ -352,7 +352,7 @@ def _ensemble(folder: Path) -> Run:
                 words, _, _ = title.partition(' (')
                 title = words if part is None else title.format(f'{float(part):.2g}')
             maps[name] = Panel(frame, source, values, title)
-        horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
+        horizon, threshold = float(tags['horizon_s']), float(tags['inundation_threshold_m'])
         members, effective = tags['members'], float(tags['effective_members'])
         observation = tags.get('observation', 'none')
         onset = stated_onset(tags.get('onset', 'unknown'), str(folder))

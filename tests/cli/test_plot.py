@@ -335,5 +335,5 @@ def test_info_has_the_simulated_time_and_volumes(bag):
         'error': 'below 1e-15 of the emitted volume',
     }
     output = json.loads(done('bag', 'info', bag, '--json', '-'))['simulation']
-    assert output['time_s'] == 800.0
+    assert output['simulated_time_s'] == 800.0
     assert output['volume_flowing_m3'] == pytest.approx(volume, rel=1e-6)

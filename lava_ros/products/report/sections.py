@@ -89,7 +89,7 @@ def facts(recording: Recording, summary: RunSummary) -> list[tuple[str, str]]:
         rows.append(('lava', lava.text()))
     speed = last.number('mean_speed')
     if speed > 0.0:
-        rows.append(('speed', f'{float(f"{speed:.3g}"):,g} times real time'))
+        rows.append(('mean speed', f'{float(f"{speed:.3g}"):,g} times real time'))
     return rows
 
 
