@@ -236,7 +236,7 @@ def test_standing_lava_is_the_same_in_all_outputs(run):
     assert area == pytest.approx(run.inundated[standing].sum() * cell, rel=1e-6)
     assert run.score['standing_area_m2'] == area < run.score['inundated_area_m2']
     assert f'{area_words(area)} standing lava' in run.plot['summary']
-    assert f'<dt>standing lava, 0.1 m or more</dt><dd>{area_words(area)}</dd>' in run.report
+    assert f'<dt>standing area, 0.1 m or more</dt><dd>{area_words(area)}</dd>' in run.report
     assert f'{area / 1e6:.3f} km² at the end' in run.page
     thickest = run.thickness.max()
     assert run.score['largest_thickness_m'] == run.bag.height_raw.max() == thickest

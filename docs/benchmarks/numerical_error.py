@@ -321,7 +321,7 @@ def compare(name: str, folder: Path) -> Iterator[dict[str, Any]]:
         ):
             part, actual = getattr(stated, area), difference(one, other)
             row |= {
-                f'{area}_particles': part.particles,
+                f'{area}_particles': part.lava,
                 f'{area}_ground': part.ground,
                 f'{area}_stated': part.total,
                 f'{area}_actual': actual,

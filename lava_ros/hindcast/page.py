@@ -89,7 +89,7 @@ def facts(
         'precision': f'{judged.precision:.3f}',
         'inundated area': f'{judged.area / 1e6:.3f} of {judged.mapped_area / 1e6:.3f} km² '
         f'({100 * judged.area_error:+.0f} %)',
-        'standing lava': f'{judged.standing_area / 1e6:.3f} km² at the end',
+        'standing area': f'{judged.standing_area / 1e6:.3f} km² at the end',
         'runout length': f'{judged.length / 1e3:.3g} of {judged.mapped_length / 1e3:.3g} km '
         f'({100 * judged.length_error:+.0f} %)',
         'volume on the map': f'{judged.volume / 1e6:.3g} million m³',

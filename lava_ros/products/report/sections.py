@@ -67,7 +67,7 @@ def facts(recording: Recording, summary: RunSummary) -> list[tuple[str, str]]:
         *(
             (f'{name}, {summary.frame.threshold:g} m or more', area_words(area))
             for name, area in (
-                ('inundated area', summary.inundated[-1]), ('standing lava', summary.standing[-1])
+                ('inundated area', summary.inundated[-1]), ('standing area', summary.standing[-1])
             )
             if math.isfinite(area)
         ),
