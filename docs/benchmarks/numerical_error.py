@@ -184,7 +184,7 @@ class Runs:
         jobs = next(self._partners(accuracy)), *self._partners(partner)
         run, own, coarse = (self.read(job.run) for job in jobs)
         pairs = {
-            'particles': Pair(run.areas, own.areas, reduction),
+            'lava': Pair(run.areas, own.areas, reduction),
             'ground': Pair(own.areas, coarse.areas, richardson(2.0, GROUND_ORDER)),
         }
         error = error_of(
