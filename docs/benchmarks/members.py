@@ -44,7 +44,7 @@ UNCERTAIN = {
 
 def times(case, args):
     """Return wall times of all members [s]; a first member compiles the kernels."""
-    settings = Settings(preset=args.preset, device=args.device)
+    settings = Settings(preset=args.preset, device=args.device, method=args.method)
     ground = coarsened(case.scene.terrain, settings.coarseness(case))
     scene = replace(case.scene, terrain=ground, uncertainty=uncertainty_from_dict(UNCERTAIN))
     plan = make_plan(
@@ -72,6 +72,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('case', type=Path)
     parser.add_argument('--device', default='cpu')
+    parser.add_argument('--method', default='particles')
     parser.add_argument('--preset', default='draft')
     parser.add_argument('--days', type=float, default=1.0)
     parser.add_argument('--members', type=int, default=32)
@@ -86,11 +87,12 @@ def main():
         ('benchmark', 'value', 'unit', 'low', 'high', 'repetitions', 'machine', 'command')
     )
     words = ['python', 'docs/benchmarks/members.py', args.case.stem]
-    for name in ('device', 'preset', 'days', 'members', 'workers', 'repetitions'):
+    for name in ('device', 'method', 'preset', 'days', 'members', 'workers', 'repetitions'):
         words += [f'--{name}', f'{getattr(args, name)}']
     found = times(case, args)
     many = f'{args.workers} process{"es" if args.workers > 1 else ""}'
-    what = f'{case.name}, {args.days:g} days at {args.preset}: {args.members} members, {many}'
+    what = f'{case.name}, {args.days:g} days at {args.preset}, {args.method}: '
+    what += f'{args.members} members, {many}'
     for unit, values in (('s', found), ('members/s', [args.members / one for one in found])):
         numbers = [f'{number:.4g}' for number in (median(values), min(values), max(values))]
         rows.writerow(

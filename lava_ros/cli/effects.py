@@ -49,7 +49,7 @@ def effects(args: argparse.Namespace) -> int:
     from lava_ros.cli.scenes import scene_from_arguments
     from lava_ros.simulation.presets import preset_accuracy
     from lava_ros.simulation.resolution import resolution_of
-    from lava_ros.simulation.selection import decide, decision_as_dict
+    from lava_ros.simulation.selection import decide
 
     horizon = seconds_of('--until', args.until)
     scene, forced = scene_from_arguments(args), forced_effects(args)
@@ -73,7 +73,7 @@ def effects(args: argparse.Namespace) -> int:
     print(f'step: time of a step with this effect alone over one without ({COSTS}); ?: unknown')
     # None where the time of a step has not been measured
     rows = [
-        {**decision_as_dict(item), 'step_time_over_bare': costs.get(item.name)}
+        {**item.as_dict(), 'step_time_over_bare': costs.get(item.name)}
         for item in decisions
     ]
     for text in resolution.warnings():

@@ -14,7 +14,6 @@ import random
 import signal
 import socket
 import subprocess
-import sys
 import tempfile
 from types import FrameType
 from typing import Any, TYPE_CHECKING
@@ -22,6 +21,7 @@ from typing import Any, TYPE_CHECKING
 from lava_ros import validation
 from lava_ros.errors import RefusalError
 from lava_ros.files.optional import INSTALL_ROS
+from lava_ros.processes import child as processes
 
 if TYPE_CHECKING:
     from lava_ros.scene import Scene, Terrain
@@ -45,15 +45,13 @@ class Child:
         self._log = log
         _end_in_order()
         with log.open('wb') as output:
-            self._process = subprocess.Popen(
-                [sys.executable, '-u', '-m', module, *arguments],
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                env=dict(env),
+            self._child = processes.Child(
+                'lava_ros.processes.program', module, *arguments, switches=['-u'], env=env,
+                stdout=output, stderr=subprocess.STDOUT,
                 # only the command gets Ctrl+C, and then ends its children in order
                 start_new_session=True,
             )
+        self._process = self._child.process
 
     def check(self) -> None:
         """Raise ChildError if the process has ended."""

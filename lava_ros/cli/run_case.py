@@ -31,7 +31,6 @@ from lava_ros.layers.recording import Recording
 from lava_ros.runs.scene_run import Request, SceneRun
 from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.selection import decision_as_dict
 
 #: Files of a mapped eruption in the folder of its run, and folder of unfinished further runs.
 PICTURE, PAGE, REPLICATES = 'comparison.png', 'hindcast.html', 'replicates'
@@ -199,7 +198,7 @@ def _as_dict(case: Case, result: Result, judged: Score) -> dict[str, Any]:
         },
         'low_pass_m': case.low_pass,
         'score': _score_as_dict(judged),
-        'decisions': [decision_as_dict(item) for item in result.decisions],
+        'decisions': [item.as_dict() for item in result.decisions],
         'effects_error': result.effects_error,
         'evaluations': result.snapshot.steps.evaluations,
         **({'particles_emitted': round(budget.emitted / accuracy.particle_volume)}

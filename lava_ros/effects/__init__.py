@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, lru_cache
 from importlib import import_module
 from pkgutil import iter_modules
 from types import MappingProxyType, ModuleType
@@ -134,6 +134,11 @@ def excluded_by(one: str, other: str) -> bool:
 
 def compatible(names: Iterable[str]) -> Effects:
     """Return ``Effects`` with the named ones on, of those that exclude each other the first."""
+    return _compatible(tuple(names))
+
+
+@lru_cache(maxsize=64)
+def _compatible(names: tuple[str, ...]) -> Effects:
     on = dict.fromkeys(EFFECTS, False)
     for name in names:
         on[name] = not any(on[other] and excluded_by(name, other) for other in on)

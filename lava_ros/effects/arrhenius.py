@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros.effects.effect import Effect
-from lava_ros.effects.scales import footprint_change, Scales, thickness_change
+from lava_ros.effects.scales import Scales
 
 
 def _stiffening(scales: Scales) -> np.ndarray:
@@ -33,8 +33,7 @@ EFFECT = Effect(
     number=_stiffening,
     threshold=0.03,
     admits='3 % of the speed',
-    cost=footprint_change(0.03),
-    thickness_cost=thickness_change(0.03),
+    speed_error=0.03,
     source='speed is proportional to 1 / mu',
     exists=lambda lava: lava.arrhenius > 0.0,
     stiffens=True,

@@ -36,8 +36,6 @@ def speed(
         free = wp.max(stress - resisted, real(0.0)) / stress
         newtonian = weight * thickness * thickness
         newtonian /= real(3.0) * viscosity(law, column.temperature)
-        return newtonian * free * vec2(
-            free * (real(1.0) + real(0.5) * b), real(1.0) + b + b * b
-        )
+        return newtonian * free * vec2(free * (real(1.0) + real(0.5) * b), real(1.0) + b + b * b)
 
     return bingham

@@ -48,6 +48,18 @@ def normal_thickness(
     return thickness if cosine is None else thickness * cosine
 
 
+def summed(
+    wp: Any, result: Any, constants_type: Any, column_type: Any, one: Any, other: Any
+) -> Any:
+    """Return the sum, of type ``result``, of two functions of constants and a column."""
+
+    @wp.func
+    def both(constants: constants_type, column: column_type) -> result:
+        return one(constants, column) + other(constants, column)
+
+    return both
+
+
 @lru_cache
 def structure(name: str, names: tuple[str, ...], real: Any) -> Any:
     """Return a Warp struct of scalars of these names."""

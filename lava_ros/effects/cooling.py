@@ -11,7 +11,6 @@ from functools import lru_cache
 from typing import Any
 
 from lava_ros.effects.effect import Effect
-from lava_ros.effects.scales import footprint_change, thickness_change
 
 EFFECT = Effect(
     rank=100,
@@ -20,8 +19,7 @@ EFFECT = Effect(
     number=lambda scales: scales.heat_lost,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
-    cost=footprint_change(0.03),
-    thickness_cost=thickness_change(0.03),
+    speed_error=0.03,
     source='column at rest',
     exists=lambda lava: lava.radiates,
     is_default=True,

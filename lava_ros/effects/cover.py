@@ -19,7 +19,6 @@ from functools import lru_cache
 from typing import Any
 
 from lava_ros.effects.effect import Effect, number
-from lava_ros.effects.scales import footprint_change, thickness_change
 
 EFFECT = Effect(
     rank=110,
@@ -28,8 +27,7 @@ EFFECT = Effect(
     number=lambda scales: scales.heat_lost,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
-    cost=footprint_change(0.03),
-    thickness_cost=thickness_change(0.03),
+    speed_error=0.03,
     source='column at rest',
     no_case='no closed solution; its test integrates the balance',
     exists=lambda lava: lava.radiates and lava.crust_cover > 0.0,
@@ -72,13 +70,13 @@ def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
     @wp.func
     def cover(constants: constants_type, column: column_type) -> vec2:
         ambient, temperature = real(constants.ambient), column.temperature
-        share = real(constants.cover) * wp.exp(-real(constants.cover_decay) * column.speed)
+        covered = real(constants.cover) * wp.exp(-real(constants.cover_decay) * column.speed)
         bare = transfer(constants, temperature)
         crusted = bare
         crust = wp.max(real(constants.crust), ambient)
         if temperature > crust:
             crusted = transfer(constants, crust) * (crust - ambient) / (temperature - ambient)
-        rate = (share * crusted + (real(1.0) - share) * bare) / column.normal_thickness
+        rate = (covered * crusted + (real(1.0) - covered) * bare) / column.normal_thickness
         return vec2(rate, rate * ambient)
 
     return cover

@@ -29,7 +29,6 @@ from typing import Any
 
 from lava_ros.effects.effect import Effect, flag
 from lava_ros.effects.protocols import Lava
-from lava_ros.effects.scales import footprint_change, thickness_change
 from lava_ros.errors import LavaError
 
 #: Minimum conductivity of a crust [W/(m K)]; lower ones are replaced by it.
@@ -51,8 +50,7 @@ EFFECT = Effect(
     number=lambda scales: scales.heat_lost,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
-    cost=footprint_change(0.03),
-    thickness_cost=thickness_change(0.03),
+    speed_error=0.03,
     source='column at rest',
     exists=lambda lava: lava.radiates and lava.crust,
     replaces=('cooling',),
@@ -79,9 +77,7 @@ def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
     vec2 = wp.types.vector(2, real)
 
     @wp.func
-    def resistance(
-        constants: constants_type, thickness: real, age: real, power: real
-    ) -> real:
+    def resistance(constants: constants_type, thickness: real, age: real, power: real) -> real:
         """R times rho c [s/m], for a surface that cools as a power of time."""
         # Gamma(1 + m) / Gamma(1/2 + m), to 1e-3 for m from 0 to 1/2
         c = real(0.5642) + power * (real(0.76) - real(0.232) * power)
@@ -102,15 +98,13 @@ def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
         r = resistance(constants, thickness, age, real(0.5))
         # start from above: the minimum of the core's temperature and the limit by radiation alone
         excess = wp.max(temperature - ambient, real(0.0))
-        most = wp.sqrt(wp.sqrt(fourth + excess / wp.max(r * radiation, real(1.0e-30))))
-        surface = wp.max(ambient, wp.min(temperature, most))
+        hottest = wp.sqrt(wp.sqrt(fourth + excess / wp.max(r * radiation, real(1.0e-30))))
+        surface = wp.max(ambient, wp.min(temperature, hottest))
         for _ in range(NEWTON_STEPS):
             cube = surface * surface * surface
             flux = radiation * (cube * surface - fourth) + convection * (surface - ambient)
             steepness = real(4.0) * radiation * cube + convection
-            r = resistance(
-                constants, thickness, age, real(0.5) / (real(1.0) + r * steepness)
-            )
+            r = resistance(constants, thickness, age, real(0.5) / (real(1.0) + r * steepness))
             surface -= (r * flux + surface - temperature) / (r * steepness + real(1.0))
         # two conductances in series
         square = surface * surface + ambient * ambient

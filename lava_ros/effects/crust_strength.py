@@ -25,7 +25,7 @@ import numpy as np
 
 from lava_ros.effects.bingham import speed  # noqa: F401, the speed function of this effect
 from lava_ros.effects.effect import Effect, number
-from lava_ros.effects.scales import footprint_change, Scales, thickness_change
+from lava_ros.effects.scales import Scales
 
 
 def _resistance(scales: Scales) -> np.ndarray:
@@ -42,8 +42,7 @@ EFFECT = Effect(
     number=_resistance,
     threshold=0.01,
     admits='1.5 % of the speed: 3/2 of the number',
-    cost=footprint_change(0.015),
-    thickness_cost=thickness_change(0.015),
+    speed_error=0.015,
     source='exact sheet, verification/exact/rheology.py',
     exists=lambda lava: lava.crust_strength > 0.0,
     constants={

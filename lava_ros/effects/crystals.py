@@ -16,7 +16,7 @@ import numpy as np
 
 from lava_ros.effects.effect import choice, Effect, number
 from lava_ros.effects.protocols import Lava
-from lava_ros.effects.scales import footprint_change, Scales, thickness_change
+from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
 
 #: The exponent e of each law.
@@ -51,8 +51,7 @@ EFFECT = Effect(
     number=_stiffening,
     threshold=0.03,
     admits='3 % of the speed',
-    cost=footprint_change(0.03),
-    thickness_cost=thickness_change(0.03),
+    speed_error=0.03,
     source='speed is proportional to 1 / mu',
     exists=lambda lava: lava.crystal_law != 'none' and lava.crystals > 0.0,
     stiffens=True,
@@ -78,9 +77,9 @@ def stiffening(wp: Any, real: Any, law_type: Any, viscosity: Any) -> Any:
 
     @wp.func
     def stiffened(law: law_type, temperature: real) -> real:
-        share = (real(law.liquidus) - temperature) / real(law.liquidus - law.solidus)
-        share = wp.clamp(share, real(0.0), real(1.0))
-        room = wp.max(real(1.0) - share * real(law.crystals_over_packing), real(MIN_FREE_FRACTION))
+        solid = (real(law.liquidus) - temperature) / real(law.liquidus - law.solidus)
+        solid = wp.clamp(solid, real(0.0), real(1.0))
+        room = wp.max(real(1.0) - solid * real(law.crystals_over_packing), real(MIN_FREE_FRACTION))
         return viscosity(law, temperature) * wp.pow(room, -real(law.crystal_exponent))
 
     return stiffened

@@ -13,15 +13,13 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.effects.protocols import Lava, Scene
-from lava_ros.effects.scales import Scales
+from lava_ros.effects.scales import footprint_change, Scales, thickness_change
 from lava_ros.errors import LavaError
 
 
-def number(default: float | None, text: str, least: float, most: float, unit: str = '') -> Any:
+def number(default: float | None, text: str, lower: float, upper: float, unit: str = '') -> Any:
     """Return a dataclass field that is a number within limits, or its default of None."""
-    return field(
-        default=default, metadata={'text': text, 'limits': (least, most), 'unit': unit}
-    )
+    return field(default=default, metadata={'text': text, 'limits': (lower, upper), 'unit': unit})
 
 
 def choice(default: str, text: str, choices: Iterable[str]) -> Any:
@@ -51,9 +49,9 @@ def check_fields(label: str, item: Any) -> None:
         if value is None and one.default is None:
             continue
         if 'limits' in one.metadata:
-            least, most = one.metadata['limits']
+            lower, upper = one.metadata['limits']
             value = validation.number(
-                name, value, at_least=least, at_most=most, unit=one.metadata['unit']
+                name, value, at_least=lower, at_most=upper, unit=one.metadata['unit']
             )
             object.__setattr__(item, one.name, value)
         elif 'choices' in one.metadata:
@@ -62,9 +60,7 @@ def check_fields(label: str, item: Any) -> None:
             validation.flag(name, value)
 
 
-def with_fields(
-    more: Callable[[Iterable[str]], Mapping[str, Any]]
-) -> Callable[[type], type]:
+def with_fields(more: Callable[[Iterable[str]], Mapping[str, Any]]) -> Callable[[type], type]:
     """Return a decorator that gives a class more fields before it becomes a dataclass.
 
     Args:
@@ -139,10 +135,8 @@ class Effect:
         needs_extent: True if the number is meaningless before the lava has left its vent.
         threshold: Number above which the effect is on; infinite if it is on only by request.
         admits: Error of omitting the effect where the number is at the threshold.
-        cost: That error as the largest fraction of the inundated area that changes: cells that
-            lava covers either with or without the effect. It is proportional to the number.
-        thickness_cost: That error as the largest fraction of the mean thickness, such as the
-            height of a dome, that changes.
+        speed_error: That error as a fraction of the speed.
+        extent_error: That error as a fraction of the length or width of the flow.
         source: Source of threshold and cost.
         no_case: Why no case of ``lava check solver`` has it; empty if one does.
         exists: Function that returns True if a lava has the effect. An effect with an
@@ -184,8 +178,8 @@ class Effect:
     needs_extent: bool = False
     threshold: float = 0.0
     admits: str = ''
-    cost: float = 0.0
-    thickness_cost: float = 0.0
+    speed_error: float = 0.0
+    extent_error: float = 0.0
     source: str = ''
     no_case: str = ''
     exists: Callable[[Lava], bool] = lambda lava: True
@@ -212,6 +206,19 @@ class Effect:
     arrays: Mapping[str, Array] = field(default_factory=dict)
     removes_particles: bool = False
     benchmark: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def cost(self) -> float:
+        """Largest fraction of the inundated area that changes, for a number at the threshold.
+
+        Cells change that lava covers either with or without the effect.
+        """
+        return self.extent_error + footprint_change(self.speed_error)
+
+    @property
+    def thickness_cost(self) -> float:
+        """The same for the mean thickness, such as the height of a dome."""
+        return self.extent_error + thickness_change(self.speed_error)
 
     @property
     def needs_particles(self) -> bool:

@@ -29,7 +29,7 @@ import numpy as np
 
 from lava_ros.effects.effect import Effect, number
 from lava_ros.effects.protocols import Scene
-from lava_ros.effects.scales import footprint_change, Scales, thickness_change
+from lava_ros.effects.scales import Scales
 
 
 def _heat_taken(scales: Scales) -> np.ndarray:
@@ -55,8 +55,7 @@ EFFECT = Effect(
     number=_heat_taken,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
-    cost=footprint_change(0.03),
-    thickness_cost=thickness_change(0.03),
+    speed_error=0.03,
     source='half-space, verification/exact/heat.py',
     exists=lambda lava: lava.ground_conductivity > 0.0,
     constants={

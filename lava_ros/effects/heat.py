@@ -18,13 +18,13 @@ rounding error of the sum to the next step (``State.temperature_remainder``).
 """
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial, reduce
 import math
 from types import SimpleNamespace
 from typing import Any
 
 from lava_ros.effects import compatible, considered, drop_superseded, EFFECTS, Effects, possible
-from lava_ros.effects.column import column_type, structure
+from lava_ros.effects.column import column_type, structure, summed
 from lava_ros.effects.effect import join_names
 from lava_ros.effects.laws import filled, HOST
 from lava_ros.effects.protocols import Scene
@@ -76,9 +76,7 @@ def heat_of(scene: Scene, effects: Effects, real: Any) -> Any:
 
 
 @lru_cache
-def warming_function(
-    wp: Any, real: Any, effects: Effects, *, is_straight: bool = False
-) -> Any:
+def warming_function(wp: Any, real: Any, effects: Effects, *, is_straight: bool = False) -> Any:
     """Return the function for the change of temperature in a step [K], None if there is none.
 
     Its arguments: the constants, the column with its drop and speed during the step, its
@@ -92,11 +90,9 @@ def warming_function(
     needs_age = any(EFFECTS[name].needs_age for name in names)
     if not names:
         return None
-    balance, *others = (
-        modules[name].terms(wp, real, constants_type, column_struct) for name in names
-    )
-    for other in others:
-        balance = _sum(wp, real, balance, other)
+    types = constants_type, column_struct
+    terms_of = (modules[name].terms(wp, real, *types) for name in names)
+    balance = reduce(partial(summed, wp, wp.types.vector(2, real), *types), terms_of)
 
     @wp.func
     def relaxation(temperature: real, rate: real, source: real, step: real) -> real:
@@ -182,16 +178,6 @@ def warming_function(
         return total
 
     return warming
-
-
-def _sum(wp: Any, real: Any, first: Any, second: Any) -> Any:
-    vec2 = wp.types.vector(2, real)
-
-    @wp.func
-    def both(constants: heat_type(real), column: column_type(real)) -> vec2:
-        return first(constants, column) + second(constants, column)
-
-    return both
 
 
 def host_temperature(scene: Scene, effects: Effects) -> Callable[..., float]:

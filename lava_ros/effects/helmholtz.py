@@ -4,7 +4,6 @@
 """Lateral stress by solving an equation (equations: simulation/step/effects/helmholtz.py)."""
 
 from lava_ros.effects.effect import Array, Effect
-from lava_ros.effects.scales import footprint_change, thickness_change
 
 EFFECT = Effect(
     rank=90,
@@ -16,8 +15,7 @@ EFFECT = Effect(
     needs_extent=True,
     threshold=0.22,
     admits='5 % of the speed of the shortest waves: (pi h / w)^2 / 2.5, w the width',
-    cost=footprint_change(0.05),
-    thickness_cost=thickness_change(0.05),
+    speed_error=0.05,
     source='docs/accuracy, lateral stress; docs/benchmarks/choice_lateral.csv',
     excludes={
         'green': 'they are one effect',

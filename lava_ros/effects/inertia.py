@@ -24,8 +24,7 @@ EFFECT = Effect(
     needs_extent=True,
     threshold=0.1,
     admits='2 % of the front: a fifth of the number',
-    cost=0.02,
-    thickness_cost=0.02,
+    extent_error=0.02,
     source='point source on a slope with and without',
     needs_velocity=True,
     # acceleration x and y [m/s2] of each ordered particle

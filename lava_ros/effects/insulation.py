@@ -143,8 +143,8 @@ def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
         r = real(constants.crust_resistance) * wp.sqrt(column.age)
         # start from above: the surface of a crust that radiation alone cools
         fourth = ambient * ambient * ambient * ambient
-        most = wp.sqrt(wp.sqrt(fourth + excess / wp.max(r * radiation, real(1.0e-30))))
-        surface = wp.min(solidus, most)
+        hottest = wp.sqrt(wp.sqrt(fourth + excess / wp.max(r * radiation, real(1.0e-30))))
+        surface = wp.min(solidus, hottest)
         outer = real(0.0)
         for _ in range(NEWTON_STEPS):
             square = surface * surface + ambient * ambient

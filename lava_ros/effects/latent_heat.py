@@ -17,7 +17,7 @@ import numpy as np
 
 from lava_ros.effects.effect import Effect, number
 from lava_ros.effects.protocols import Lava
-from lava_ros.effects.scales import footprint_change, Scales, thickness_change
+from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
 
 
@@ -45,8 +45,7 @@ EFFECT = Effect(
     number=_kept_warm,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
-    cost=footprint_change(0.03),
-    thickness_cost=thickness_change(0.03),
+    speed_error=0.03,
     source='heat balance',
     exists=lambda lava: lava.latent_heat > 0.0,
     constants={

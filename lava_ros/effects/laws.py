@@ -9,13 +9,13 @@ and ``float`` in place of its scalars.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial, reduce
 import math
 from types import SimpleNamespace
 from typing import Any
 
 from lava_ros.effects import compatible, drop_superseded, EFFECTS, Effects, possible
-from lava_ros.effects.column import column_type, structure
+from lava_ros.effects.column import column_type, structure, summed
 from lava_ros.effects.effect import join_names
 from lava_ros.effects.protocols import Lava
 
@@ -52,7 +52,7 @@ class _Host:
         vector=lambda length, real: lambda *items: _Vector(items or (0.0,) * length)
     )
     func = staticmethod(lambda function: function)
-    clamp = staticmethod(lambda value, least, most: min(max(value, least), most))
+    clamp = staticmethod(lambda value, lower, upper: min(max(value, lower), upper))
     static = staticmethod(lambda value: value)
 
 
@@ -95,19 +95,9 @@ def viscosity_function(wp: Any, real: Any, effects: Effects) -> Any:
 @lru_cache
 def strength_function(wp: Any, real: Any, effects: Effects) -> Any:
     """Return the function of a column's total yield strength [Pa]; None if lava has none."""
-    strength = None
-    for module in effects.having('strength').values():
-        one = module.strength(wp, real, law_type(real), column_type(real))
-        strength = one if strength is None else _sum_of(wp, real, strength, one)
-    return strength
-
-
-def _sum_of(wp: Any, real: Any, one: Any, other: Any) -> Any:
-    @wp.func
-    def both(law: law_type(real), column: column_type(real)) -> real:
-        return one(law, column) + other(law, column)
-
-    return both
+    types = law_type(real), column_type(real)
+    parts = [one.strength(wp, real, *types) for one in effects.having('strength').values()]
+    return reduce(partial(summed, wp, real, *types), parts) if parts else None
 
 
 @lru_cache
@@ -136,9 +126,7 @@ class Rheology:
         values, viscosity, _ = _on_host(self)
         return float(viscosity(values, temperature))
 
-    def strength_at(
-        self, temperature: float, thickness: float = 1.0, age: float = 0.0
-    ) -> float:
+    def strength_at(self, temperature: float, thickness: float = 1.0, age: float = 0.0) -> float:
         """Return the yield strength [Pa] of a column.
 
         Args:
@@ -149,9 +137,7 @@ class Rheology:
         values, _, strength = _on_host(self)
         if strength is None:
             return 0.0
-        column = SimpleNamespace(
-            temperature=temperature, normal_thickness=thickness, age=age
-        )
+        column = SimpleNamespace(temperature=temperature, normal_thickness=thickness, age=age)
         return float(strength(values, column))
 
 

@@ -68,10 +68,10 @@ def speed(
         one = real(1.0)
         thickness, slope = column.normal_thickness, column.slope
         n = real(law.flow_index)
-        least = real(_NO_SLOPE)
+        min_slope = real(_NO_SLOPE)
         if n > one:
-            least = real(MIN_SLOPE)
-        fall = wp.max(slope, least)
+            min_slope = real(MIN_SLOPE)
+        fall = wp.max(slope, min_slope)
         sheared = one
         # no branch, which would keep a CPU from vectorising a loop over columns
         if wp.static(has_strength):

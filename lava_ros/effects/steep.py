@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 
 from lava_ros.effects.effect import Effect
-from lava_ros.effects.scales import footprint_change, thickness_change
 
 EFFECT = Effect(
     rank=10,
@@ -31,8 +30,7 @@ EFFECT = Effect(
     number=lambda scales: scales.columns.ground_slope,
     threshold=math.tan(math.radians(5.0)),
     admits='1.5 % of the speed: 1 - cos^4',
-    cost=footprint_change(0.015),
-    thickness_cost=thickness_change(0.015),
+    speed_error=0.015,
     source='docs/MODEL.md, steep slopes; in a run the sides of frozen lava count',
     is_default=True,
 )

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros.effects.effect import Effect
-from lava_ros.effects.scales import footprint_change, Scales, thickness_change
+from lava_ros.effects.scales import Scales
 
 
 def _warming(scales: Scales) -> np.ndarray:
@@ -32,8 +32,7 @@ EFFECT = Effect(
     number=_warming,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
-    cost=footprint_change(0.03),
-    thickness_cost=thickness_change(0.03),
+    speed_error=0.03,
     source='energy of the fall',
     # g / c [K/m]
     heat={'fall': lambda scene: scene.gravity / scene.lava.specific_heat},

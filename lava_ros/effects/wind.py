@@ -15,7 +15,7 @@ import numpy as np
 
 from lava_ros.effects.effect import Effect, number
 from lava_ros.effects.protocols import Scene
-from lava_ros.effects.scales import footprint_change, Scales, thickness_change
+from lava_ros.effects.scales import Scales
 
 #: Heat transfer over the speed of the wind [J/(m3 K)].
 TRANSFER = 0.0036 * 0.4412 * 1099.0
@@ -39,8 +39,7 @@ EFFECT = Effect(
     number=_heat_taken,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
-    cost=footprint_change(0.03),
-    thickness_cost=thickness_change(0.03),
+    speed_error=0.03,
     source='column at rest',
     no_case='it adds to the convection of cooling',
     exists=lambda lava: lava.radiates,

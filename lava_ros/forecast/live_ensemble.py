@@ -18,7 +18,6 @@ import numpy as np
 
 from lava_ros.errors import LavaError, RefusalError
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
-from lava_ros.forecast.child_process import Answer
 from lava_ros.forecast.member_processes import count_processes, MemberProcesses, run_in_parts
 from lava_ros.forecast.members import plan_from
 from lava_ros.forecast.probability import (
@@ -29,6 +28,7 @@ from lava_ros.forecast.probability import (
 from lava_ros.forecast.sampling import draw_members, Posterior
 from lava_ros.layers.forecast import HazardMaps
 from lava_ros.layers.places import Places
+from lava_ros.processes.requests import Answer
 from lava_ros.scene.ranges import describe_inputs
 from lava_ros.simulation.output.checkpoint import Checkpoint
 

@@ -15,24 +15,23 @@ are the methods of ``MemberRuns``, and a child replies
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from multiprocessing.connection import wait
 import queue
 import time
 from typing import Any
 
-from lava_ros.forecast.child_process import (
+from lava_ros.forecast.members import Plan, running
+from lava_ros.forecast.probability import Footprint, footprint_of
+from lava_ros.forecast.sampling import Member
+from lava_ros.processes.requests import (
     Answer,
     ChildProcess,
     explain,
     REPORT_TIME,
     Request,
     RequestLoop,
-    serve,
     SLICE_WALL_TIME,
+    with_reply,
 )
-from lava_ros.forecast.members import Plan, running
-from lava_ros.forecast.probability import Footprint, footprint_of
-from lava_ros.forecast.sampling import Member
 
 #: Maximum wait for a footprint in a part of ``running`` [s].
 _WAIT = 0.01
@@ -65,7 +64,7 @@ class MemberProcesses:
 
     def __init__(self, count: int) -> None:
         """Start some processes."""
-        self._processes = [ChildProcess(__name__) for _ in range(count)]
+        self._processes = [ChildProcess(f'{__name__}:MemberRuns') for _ in range(count)]
         self._number = 0
 
     def share(self, share: float) -> None:
@@ -100,7 +99,7 @@ class MemberProcesses:
         try:
             while left:
                 yield None
-                for process in self._ready():
+                for process in with_reply(self._processes, _WAIT):
                     name, values = process.reply(0.0) or ('', {})
                     if values.get('number') != self._number:
                         # of an ensemble that was cancelled
@@ -117,15 +116,6 @@ class MemberProcesses:
                 with suppress(OSError):
                     self._request('cancel')
 
-    def end(self) -> None:
-        """End the processes."""
-        for process in self._processes:
-            process.end()
-
-    def _ready(self) -> list[ChildProcess]:
-        ready = wait([process.connection for process in self._processes], _WAIT)
-        return [process for process in self._processes if process.connection in ready]
-
     def _request(self, name: str, **values: Any) -> None:
         for process in self._processes:
             process.request(name, **values)
@@ -134,7 +124,7 @@ class MemberProcesses:
 class MemberRuns(RequestLoop):
     """Runs members in slices, in a child process."""
 
-    def __init__(self, requests: 'queue.Queue[Request]', answer: Answer) -> None:
+    def __init__(self, requests: 'queue.SimpleQueue[Request]', answer: Answer) -> None:
         """Initialize without members; arguments as for ``RequestLoop``."""
         super().__init__(requests, answer)
         self._running: Iterator[Footprint | None] | None = None
@@ -168,9 +158,6 @@ class MemberRuns(RequestLoop):
                     break
             else:
                 self._running = None
-        except OSError:
-            # the parent has closed the connection
-            raise
         except Exception as error:
             self._running = None
             self._reply('refused', reason=explain(error))
@@ -180,10 +167,3 @@ class MemberRuns(RequestLoop):
 
     def _reply(self, name: str, **values: Any) -> None:
         self._answer(name, number=self._number, **values)
-
-
-if __name__ == '__main__':
-    # as the module that pickled requests name
-    from lava_ros.forecast import member_processes
-
-    serve(member_processes.MemberRuns)

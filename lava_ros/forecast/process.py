@@ -3,8 +3,8 @@
 
 """The child process that computes forecasts: it receives requests and sends results.
 
-The live simulation takes precedence: this process lowers its own priority, and computes for a
-fraction of the time (``child_process``). As a separate process it cannot block the live simulation
+The live simulation takes precedence: this process has a lower priority, and computes for a
+fraction of the time (``RequestLoop``). As a separate process it cannot block the live simulation
 through Python's global lock or graph capture, and cannot crash it.
 
 Requests are the methods of ``Forecasting``. Replies are:
@@ -20,32 +20,32 @@ then they alternate.
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-import os
 import queue
 import time
 from typing import Any
 
 from lava_ros.forecast.assimilation import Outline
-from lava_ros.forecast.child_process import (
+from lava_ros.forecast.forecast_run import ForecastRun, N_FIRST_SAMPLES, N_SAMPLES
+from lava_ros.forecast.live_ensemble import LiveEnsembles
+from lava_ros.forecast.sampling import prepare_sampling
+from lava_ros.processes.requests import (
     Answer,
     explain,
     NICENESS,
     REPORT_TIME,
     Request,
     RequestLoop,
-    serve,
     SLICE_WALL_TIME,
 )
-from lava_ros.forecast.forecast_run import ForecastRun, N_FIRST_SAMPLES, N_SAMPLES
-from lava_ros.forecast.live_ensemble import LiveEnsembles
-from lava_ros.forecast.sampling import prepare_sampling
 from lava_ros.simulation.output.checkpoint import Checkpoint
 
 
 class Forecasting(RequestLoop):
     """Executes requests, and computes forecasts in slices."""
 
-    def __init__(self, requests: 'queue.Queue[Request]', answer: Answer) -> None:
+    niceness = NICENESS
+
+    def __init__(self, requests: 'queue.SimpleQueue[Request]', answer: Answer) -> None:
         """Initialize without a forecast; arguments as for ``RequestLoop``."""
         super().__init__(requests, answer)
         self._ahead: ForecastRun | None = None
@@ -133,8 +133,8 @@ class Forecasting(RequestLoop):
         """On an error, cancel the forecast or the ensemble and report the reason."""
         try:
             yield
-        except OSError:
-            # the node has closed the connection, or a process of members has ended
+        except ChildProcessError:
+            # a process of members has ended; the node starts this one and those again
             raise
         except Exception as error:
             if is_ensemble:
@@ -143,13 +143,3 @@ class Forecasting(RequestLoop):
             else:
                 self._ahead = None
                 self._answer('refused', number=self._number, reason=explain(error))
-
-
-def main() -> None:
-    """Execute requests until the connection closes."""
-    os.nice(NICENESS)
-    serve(Forecasting)
-
-
-if __name__ == '__main__':
-    main()

@@ -10,8 +10,8 @@ draw, the time with very close particles is
 
     t(x) exp(-D),    D = mean of ln(t_c / t) / r,    r = COARSER^p - 1 or 2^p - 1
 
-with the order p of the statement of the numerical error (simulation/numerical_error.py). The same
-holds for the inundated area. D shifts the arrival times of all members unless it is too large
+with the order p of the method (simulation/numerical_error.py, ``ORDERS``). The same holds for the
+inundated area. D shifts the arrival times of all members unless it is too large
 (``MAX_CORRECTION``); its uncertainty widens them: half of D for the order, and the scatter of
 ln(t_c / t) over cells and members.
 docs/benchmarks/twins.csv compares the result with truths at a closer spacing.
@@ -28,7 +28,7 @@ import numpy as np
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import (
     difference,
-    PARTICLE_ORDER,
+    ORDERS,
     richardson,
     scaled,
 )
@@ -155,7 +155,7 @@ class SpacingError:
         if not pairs:
             return None
         assert accuracy.spacing is not None
-        reduction = richardson(COARSER[accuracy.method], PARTICLE_ORDER)
+        reduction = richardson(COARSER[accuracy.method], ORDERS[accuracy.method])
         delays, scatters, growths, differences = np.array([pair.numbers for pair in pairs]).T
         delay, growth = (float(values.mean()) / reduction for values in (delays, growths))
         scatter = math.sqrt(float((scatters**2).mean() + delays.var())) / reduction
@@ -187,7 +187,7 @@ class SpacingError:
     @property
     def usable_spacing(self) -> float:
         """Spacing at which the error can be corrected [m], rounded down to two digits."""
-        spacing = self.spacing * min(self.excess ** (-1.0 / PARTICLE_ORDER), 1.0)
+        spacing = self.spacing * min(self.excess ** (-1.0 / ORDERS[self.method]), 1.0)
         unit = 10.0 ** (math.floor(math.log10(spacing)) - 1)
         return float(f'{math.floor(spacing / unit * (1.0 + 1e-9)) * unit:.2g}')
 

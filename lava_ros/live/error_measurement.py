@@ -11,9 +11,9 @@ import time
 from lava_ros.bag.description import is_on
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import Guard, RefusalError
-from lava_ros.forecast.child_process import ChildProcess
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
+from lava_ros.processes.requests import ChildProcess
 from lava_ros.simulation.numerical_error import Areas, error_text, NumericalError
 
 #: Wall time from the start of a simulation to the first measurement [s].
@@ -29,7 +29,7 @@ _WATCH_TIME = 0.2
 
 def partner_process() -> ChildProcess:
     """Start a process for one measurement."""
-    return ChildProcess('lava_ros.forecast.partner_process')
+    return ChildProcess('lava_ros.forecast.partner_process:PartnerRuns')
 
 
 @dataclass(eq=False)
@@ -154,4 +154,4 @@ class ErrorMeasurement:
     def _end_process(self) -> None:
         process, self._process = self._process, None
         if process is not None:
-            process.end(0.0)
+            process.end()

@@ -14,7 +14,6 @@ import time
 from typing import Any
 
 from lava_ros.errors import Guard, LavaError, RefusalError
-from lava_ros.forecast.child_process import ChildProcess
 from lava_ros.layers.forecast import EnsembleForecast, Forecast
 from lava_ros.live.ensemble_forecasts import (
     EnsembleForecasts,
@@ -24,6 +23,7 @@ from lava_ros.live.ensemble_forecasts import (
 from lava_ros.live.session import Fork
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
+from lava_ros.processes.requests import ChildProcess
 
 #: Minimum wall time between the starts of two forecasts [s].
 MIN_PERIOD = 1.0
@@ -73,7 +73,7 @@ class DutyCycle:
 
 def start_process() -> ChildProcess:
     """Start a process that computes forecasts."""
-    return ChildProcess('lava_ros.forecast.process')
+    return ChildProcess('lava_ros.forecast.process:Forecasting')
 
 
 @dataclass(eq=False)

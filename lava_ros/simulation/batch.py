@@ -41,13 +41,17 @@ _UNDER_WAY = {True: 2, False: 1}
 #: much as for many, and so does a new list of members; they therefore wait for each other.
 _IDLE = 0.125
 
-#: Time for members to start in between two rounds [s]; at least one starts in any case.
-_BEGINNING = 0.01
+#: Time for members to start in between two rounds [s]; at least one starts in any case. The same,
+#: and time for others to continue, if rounds do not wait for members that can.
+_BEGINNING, _CONTINUING = 0.01, 0.004
 
 _END = object()
 
 #: A route that can continue, and the clock and counts (``State``) at which its simulation stopped.
 _Ready = tuple[Iterator[None], tuple[np.ndarray, np.ndarray] | None]
+
+#: A group (``_Group``, ``cells.worlds.CellGroup``), and the function that ends its launches.
+_Round = tuple[Any, Callable[[], list[_Ready]]]
 
 _here = local()
 
@@ -73,7 +77,12 @@ def _read_back(
 
 
 class _Group:
-    """Members whose stages run the same kernels, one row each."""
+    """Members whose stages run the same kernels, one row each.
+
+    Another list of members costs more than a round: it begins when no route can continue.
+    """
+
+    is_patient = True
 
     def __init__(self, launches: Sequence[Launch], state: State, rows: int) -> None:
         device = self._device = state.device
@@ -148,6 +157,9 @@ class _Group:
             rows = np.array(sorted(self._put), dtype=np.int64)
             self._readback_launches.select(rows, self._threads[rows])
             self._has_new_readbacks = False
+
+    def wait(self) -> None:
+        """All launches are on the stream of the routes."""
 
     def launch_once(self) -> list[_Ready]:
         """Run the launches of all waiting rows once, and return their routes."""
@@ -239,6 +251,11 @@ class Batch:
         group, row = self._place(True, (world, 0), lambda: (kind, make, (world,)))
         group.advance(row, order, self._route)
 
+    def wait_for_launches(self) -> None:
+        """Let what the current route does next on the device wait for the launches in flight."""
+        for group in self._groups.values():
+            group.wait()
+
     def launch(self, state: State, record: Callable[[], list[Launch]]) -> None:
         """Run launches once for the current route, once the route yields.
 
@@ -302,14 +319,25 @@ class Batch:
         Raises:
             Exception: If a route raises; the other routes are abandoned.
         """
-        waiting, begun = iter(routes), 0
-        ready = deque[_Ready]()
-        rounds = deque[tuple[_Group, Callable[[], list[_Ready]]]]()
+        rounds = deque[_Round]()
+        try:
+            yield from self._running(iter(routes), rounds)
+        finally:
+            # launches may still use arrays of abandoned routes
+            for _, finish in rounds:
+                finish()
+
+    def _running(self, waiting: Iterator[Iterator[None]], rounds: deque[_Round]) -> Iterator[None]:
+        """Run all routes, with the ``rounds`` in flight."""
+        ready, begun = deque[_Ready](), 0
         while True:
-            while ready:
+            is_patient = all(group.is_patient for group in self._groups.values())
+            span = _BEGINNING if is_patient else _CONTINUING
+            end = perf_counter() + span
+            while ready and (is_patient or perf_counter() < end):
                 begun -= self._has_ended(*ready.popleft(), ready)
             # routes that start must not delay the active ones for long
-            new, end = False, perf_counter() + _BEGINNING
+            new, end = False, perf_counter() + span
             for route in islice(waiting, self._at_once - begun):
                 new = True
                 begun += 1 - self._has_ended(route, None, ready)
@@ -321,7 +349,7 @@ class Batch:
                 count = len(group.under_way)
                 if not is_stage and count and (count >= _IDLE * begun or not is_at_work):
                     ready.extend(group.launch_once())
-            if ready:
+            if ready and is_patient:
                 continue
             for group in stages:
                 here = sum(one is group for one, _ in rounds)
@@ -332,7 +360,7 @@ class Batch:
                 if rounds:
                     yield
                     ready.extend(rounds.popleft()[1]())
-                elif not new:
+                elif not (new or ready):
                     return
 
     def _has_ended(self, route: Iterator[None], readback: Any, ready: deque[_Ready]) -> bool:

@@ -159,7 +159,7 @@ class FlowKind:
         return '; '.join([*parts, lack] if lack else parts)
 
     def warnings(self) -> list[str]:
-        """Return warnings as phrases: physics outside the model, and lava that cannot be."""
+        """Return warnings as phrases: physics outside the model, and implausible stresses."""
         _, lack = _CALLED_FOR[self.name]
         origin = 'measured' if self.is_measured else 'expected'
         found = [f'{self.name} flow {origin} ({self.reason}), outside the model: {lack}'] if (
@@ -177,7 +177,7 @@ class FlowKind:
     def measured(
         self, *, thickness: float, width: float, diameter: float, stress: float
     ) -> FlowKind:
-        """Return the kind by measured values; the others stay those that are expected."""
+        """Return the kind with measured values in place of the expected ones."""
         return replace(
             self, thickness=thickness, width=width, diameter=diameter, stress=stress,
             is_measured=True,

@@ -109,7 +109,7 @@ class AreaError:
 
 @dataclass(frozen=True)
 class NumericalError:
-    """The numerical error of a run, and what it was measured from.
+    """The numerical error of a run, and the conditions of its measurement.
 
     Attributes:
         inundated: Error of the area inundated so far.

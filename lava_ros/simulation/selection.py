@@ -136,6 +136,41 @@ class Decision:
         is_known = not (self.is_on or math.isnan(self.measured))
         return f'{text}, measured {self.measured:.2g}' if is_known else text
 
+    def in_run(self, effects: Effects, measured: float, since: float) -> Decision:
+        """Return the decision made before the first step, with the results of a run.
+
+        Args:
+            effects: The effects that are on in the run.
+            measured: Largest number measured while the effect was off; NaN without one.
+            since: Simulated time at which the run has switched it on [s]; NaN unless it was off.
+        """
+        name, rival, is_on = self.name, '', self.name in effects
+        if not is_on and np.fmax(self.value, measured) > self.effect.threshold:
+            rival = next((other for other in effects if excluded_by(name, other)), '')
+        return replace(self, is_on=is_on, measured=measured, since=since, rival=rival)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the decision as plain data; None for numbers that JSON cannot represent."""
+        effect = self.effect
+        numbers = {
+            'value': self.value, 'measured': self.measured, 'threshold': effect.threshold,
+            'on_since_s': self.since,
+        }
+        return {
+            'effect': self.name,
+            'title': effect.title,
+            'on': self.is_on,
+            'forced': self.is_forced,
+            'number': effect.symbol,
+            **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
+            'reason': self.reason,
+            'without_it': effect.admits,
+            # at the threshold; proportional to the number below it
+            'footprint_without_it': effect.cost,
+            'thickness_without_it': effect.thickness_cost,
+            'source': effect.source,
+        }
+
 
 def expected_scales(
     scene: Scene,
@@ -158,17 +193,16 @@ def expected_scales(
     accuracy = accuracy or Accuracy()
     effects = estimated_effects(scene, accuracy, forced, horizon=horizon)
     course = course_of(scene, effects, horizon=horizon)
-    columns = _still_columns(scene, accuracy, effects) if course is None else course.columns
-    area = math.inf
-    if course is not None:
+    if course is None:
+        z, area = scene.terrain.elevation, math.inf
+        columns = _still_columns(scene, accuracy, effects)
+        fall = float(np.nanmax(z) - np.nanmin(z))
+    else:
         # lava that leaves the map is part of the volume
         area = course.emitted / course.thickness_of(course.emitted)
+        columns, fall = course.columns, course.fall
     return scales_of(
-        scene,
-        effects,
-        columns,
-        fall=_relief(scene.terrain) if course is None else course.fall,
-        duration=horizon,
+        scene, effects, columns, fall=fall, duration=horizon,
         is_extended=has_left_its_vent(area, course),
     )
 
@@ -188,8 +222,10 @@ def scales_of(scene: Scene, effects: Effects, columns: Columns, **others: Any) -
         rheology=Rheology(scene.lava, effects),
         columns=columns,
         vent_temperature=temperature,
-        rest_temperature=lambda: _cooled_at_rest(
-            scene, effects, temperature, columns.normal_thickness, others['duration']
+        # it depends on the time over the thickness only
+        rest_temperature=lambda: np.interp(
+            others['duration'] / columns.normal_thickness,
+            *_cooling_curve(scene, effects, temperature),
         ),
         age_of_crust=lambda: _age_of_crust(scene, others['duration']),
         **others,
@@ -248,26 +284,11 @@ def slopes_of(terrain: Terrain) -> np.ndarray:
     return steep if steep.size else np.zeros(1)
 
 
-def _relief(terrain: Terrain) -> float:
-    """Return the highest minus the lowest elevation [m]."""
-    return float(np.nanmax(terrain.elevation) - np.nanmin(terrain.elevation))
-
-
-def _cooled_at_rest(
-    scene: Scene, effects: Effects, temperature: float, thickness: np.ndarray, duration: float
-) -> np.ndarray:
-    """Return the temperature [K] of columns at rest after a time [s] of radiation and convection.
-
-    It is a function of the time over the ``thickness`` across the flow [m] alone.
-    """
-    return np.interp(duration / thickness, *_cooling_curve(scene, effects, temperature))
-
-
 @lru_cache(maxsize=8)
 def _cooling_curve(
     scene: Scene, effects: Effects, temperature: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return times over thickness [s/m], and temperatures [K] after them."""
+    """Return times over thickness [s/m], and temperatures [K] of columns at rest after them."""
     ambient = scene.ambient_temperature
     if temperature <= ambient:
         return np.zeros(1), np.array([temperature])
@@ -372,47 +393,6 @@ def decide_by(
             )
     _settle(decisions)
     return tuple(decisions.values())
-
-
-def noted(decision: Decision, effects: Effects, measured: float, since: float) -> Decision:
-    """Update a decision made before the first step with the results of a run.
-
-    Args:
-        decision: The decision.
-        effects: The effects that are on in the run.
-        measured: Largest number measured while the effect was off; NaN without one.
-        since: Simulated time at which the run has switched it on [s]; NaN unless it was off.
-    """
-    name, rival = decision.name, ''
-    decision = replace(decision, is_on=name in effects, measured=measured, since=since, rival='')
-    if not decision.is_on and decision.largest > decision.effect.threshold:
-        rival = next((other for other in effects if excluded_by(name, other)), '')
-    return replace(decision, rival=rival)
-
-
-def decision_as_dict(decision: Decision) -> dict[str, Any]:
-    """Return a decision as plain data; None for numbers that JSON cannot represent."""
-    effect = decision.effect
-    numbers = {
-        'value': decision.value,
-        'measured': decision.measured,
-        'threshold': effect.threshold,
-        'on_since_s': decision.since,
-    }
-    return {
-        'effect': decision.name,
-        'title': effect.title,
-        'on': decision.is_on,
-        'forced': decision.is_forced,
-        'number': effect.symbol,
-        **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
-        'reason': decision.reason,
-        'without_it': effect.admits,
-        # at the threshold; proportional to the number below it
-        'footprint_without_it': effect.cost,
-        'thickness_without_it': effect.thickness_cost,
-        'source': effect.source,
-    }
 
 
 def _settle(decisions: dict[str, Decision]) -> None:

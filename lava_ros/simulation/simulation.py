@@ -108,9 +108,7 @@ class Simulation:
         self._is_interrupted = False
         used = device_of(device, given.method)
         self._choice = EffectChoice(effects, horizon)
-        self.accuracy = resolved_accuracy(
-            given, scene, self._choice.all_forced(), horizon=horizon
-        )
+        self.accuracy = resolved_accuracy(given, scene, self._choice.all_forced(), horizon=horizon)
         chosen = self._choice.first(scene, self.accuracy)
         with naming_the_cause(scene, given):
             self._solver = SOLVERS[self.accuracy.method](scene, chosen, self.accuracy, used)
@@ -266,17 +264,16 @@ class Simulation:
     @within_memory()
     def snapshot(self) -> Snapshot:
         """Map the current flow to the terrain's cells."""
-        self._complete()
-        return self.solver.begin_snapshot(overlaps=False).result()
+        return self.begin_snapshot(overlaps=False).result()
 
     @within_memory()
-    def begin_snapshot(self) -> PendingSnapshot:
+    def begin_snapshot(self, *, overlaps: bool = True) -> PendingSnapshot:
         """Start a map of the current flow to the terrain's cells.
 
-        A GPU copies the maps to the host while it computes the next steps.
+        If it ``overlaps``, a GPU copies the maps to the host while it computes the next steps.
         """
         self._complete()
-        return self.solver.begin_snapshot(overlaps=True)
+        return self.solver.begin_snapshot(overlaps=overlaps)
 
     @within_memory()
     def start_peaks(self, threshold: float) -> Peaks:

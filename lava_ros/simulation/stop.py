@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where a solver of either method has stopped."""
+"""The end of an advance of either solver."""
 
 from typing import NamedTuple
 
 
 class Stop(NamedTuple):
-    """Where a solver has stopped.
+    """The end of an advance.
 
     Attributes:
         time: Simulated time reached [s].

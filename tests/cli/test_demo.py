@@ -18,6 +18,7 @@ from lava_ros.cli import demo, ros
 from lava_ros.cli.ros import Child, ChildError, SHOWN_LINES
 from lava_ros.errors import LavaError
 from ros_domain import own_domain
+from waiting import wait_until
 
 ROOT = Path(__file__).parents[2]
 
@@ -92,14 +93,14 @@ STUBBORN = PROGRAM.format('signal.SIG_IGN')
 
 
 @pytest.fixture
-def child_of(tmp_path):
+def child_of(tmp_path, monkeypatch):
     """Return a function that starts a program from its source and waits for its output."""
+    monkeypatch.syspath_prepend(tmp_path)
 
     def begin(text: str) -> Child:
         (tmp_path / 'a_program.py').write_text(text)
         log = tmp_path / 'a.log'
-        env = os.environ | {'PYTHONPATH': str(tmp_path)}
-        child = Child('program', 'a_program', log=log, env=env)
+        child = Child('program', 'a_program', log=log, env=os.environ)
         end = time.monotonic() + 120.0
         while not log.read_text():
             assert time.monotonic() < end
@@ -136,8 +137,6 @@ def test_error_of_a_child_has_the_end_of_its_log(program, outcome, status, child
 COMMAND = """
 import os
 from pathlib import Path
-import re
-import shlex
 import signal
 import sys
 import time
@@ -154,15 +153,22 @@ finally:
     print('child', child.end(), flush=True)
 """
 
+#: Ends in order, with a file that tells so.
+ENDS_IN_ORDER = PROGRAM.format("lambda *_: (open('ended', 'w'), sys.exit(0))")
 
-@pytest.mark.parametrize('name', ['SIGTERM', 'SIGHUP'])
-def test_command_stops_its_children_on_a_signal(tmp_path, name):
-    (tmp_path / 'a_program.py').write_text(ENDS_WELL)
+
+@pytest.mark.parametrize(('name', 'status', 'output'), [
+    ('SIGTERM', 128 + signal.SIGTERM, 'child 0\n'), ('SIGHUP', 128 + signal.SIGHUP, 'child 0\n'),
+    # it cannot ask its children to end
+    ('SIGKILL', -signal.SIGKILL, ''),
+])
+def test_children_end_in_order_after_a_signal_to_their_command(tmp_path, name, status, output):
+    (tmp_path / 'a_program.py').write_text(ENDS_IN_ORDER)
     (tmp_path / 'command.py').write_text(COMMAND)
     env = os.environ | {'PYTHONPATH': f'{ROOT}{os.pathsep}{tmp_path}'}
     ended = subprocess.run(
         [sys.executable, 'command.py', name], cwd=tmp_path, env=env, stdout=subprocess.PIPE,
         text=True, timeout=300.0, check=False,
     )
-    assert ended.stdout == 'child 0\n'
-    assert ended.returncode == 128 + getattr(signal, name)
+    assert (ended.stdout, ended.returncode) == (output, status)
+    wait_until((tmp_path / 'ended').exists)

@@ -33,7 +33,7 @@ def one_pass(simulation):
     counts, clock = state.counts.numpy(), state.clock.numpy()
     # the fastest particle has moved far enough for a pass
     counts[IS_LAST], clock[STEP] = 1, 1.0
-    state.arrays['moved'].assign([merging.EVERY, 0.0])
+    state.arrays['moved'].assign([merging.PASS_INTERVAL, 0.0])
     state.counts.assign(counts)
     state.clock.assign(clock)
     solver = simulation.solver

@@ -3,7 +3,7 @@
 
 """The reader process: no network, no other files, limits, and its end."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 import ctypes
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -25,10 +25,10 @@ from lava_ros.errors import LavaError
 from lava_ros.files.raster_formats import FORMATS, PICTURES
 from lava_ros.files.rasters import read_raster
 from lava_ros.files.reader import client
+from lava_ros.processes import child
 from lava_ros.scene.features import load_features
 from lava_ros.scene.terrain_files import load_terrain
 from project import MODULES
-from waiting import wait_until
 
 #: Event of inotify: a file was opened.
 IN_OPEN, IN_ISDIR = 0x20, 0x40000000
@@ -76,15 +76,21 @@ def server() -> Iterator[Any]:
 
 
 @pytest.fixture
-def no_reader() -> Iterator[None]:
-    """End the reader before and after a test that changes its limits."""
+def reader_code(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
+    """Return a function that sets what the next reader executes first."""
 
     def end() -> None:
         while client._readers:
             client._readers.pop().end()
 
+    def set_code(text: str) -> None:
+        mark = 'from {module}'
+        assert mark in child._CODE
+        text = text if text.endswith('\n') else f'{text}; '
+        monkeypatch.setattr(child, '_CODE', child._CODE.replace(mark, text + mark))
+
     end()
-    yield
+    yield set_code
     end()
 
 
@@ -124,7 +130,7 @@ def test_two_files_have_one_reader(tmp_path):
     readers = []
     for _ in range(2):
         np.testing.assert_array_equal(read_raster('a', path).values[0], GROUND)
-        readers.append(client._readers[0].process.pid)
+        readers.append(client._readers[0].pid)
     assert readers[0] == readers[1]
 
 
@@ -158,24 +164,38 @@ def _mosaic(folder: Path, cells: int, count: int) -> Path:
     return folder / 'a.vrt'
 
 
-def test_reader_that_reaches_a_limit_ends_in_one_sentence(tmp_path, no_reader, monkeypatch):
-    path = _mosaic(tmp_path, 10_000, 3000)
-    code = 'import lava_ros.files.reader.confinement as c; c.CPU_TIME = 2; '
-    monkeypatch.setattr(client, '_CODE', client._CODE.replace('from', f'{code}from', 1))
-    with pytest.raises(LavaError, match='s of CPU time') as caught:
-        load_terrain(path)
-    assert '\n' not in str(caught.value) and str(path) in str(caught.value)
+@pytest.mark.parametrize(('limit', 'name', 'text'), [
+    ('CPU_TIME = 2', 'a.vrt', 's of CPU time'), ('MEMORY = 1 << 28', 'a.tif', 'GiB of memory'),
+])
+def test_reader_that_reaches_a_limit_ends_in_one_sentence(
+    tmp_path, reader_code, limit, name, text
+):
+    reader_code(f'import lava_ros.files.reader.confinement as limits; limits.{limit}')
+    _mosaic(tmp_path, 10_000, 3000)
+    write_raster_of_zeros(tmp_path / 'a.tif')
+    with pytest.raises(LavaError, match=text) as caught:
+        load_terrain(tmp_path / name)
+    assert '\n' not in str(caught.value) and str(tmp_path / name) in str(caught.value)
     # the next file has a new reader
     assert load_terrain(tmp_path / 'tile.tif').shape == GROUND.shape
 
 
-def test_reader_without_memory_ends_in_one_sentence(tmp_path, no_reader, monkeypatch):
-    write_raster_of_zeros(tmp_path / 'a.tif')
-    code = 'import lava_ros.files.reader.confinement as c; c.MEMORY = 1 << 28; '
-    monkeypatch.setattr(client, '_CODE', client._CODE.replace('from', f'{code}from', 1))
-    with pytest.raises(LavaError, match='GiB of memory'):
-        load_terrain(tmp_path / 'a.tif')
-    assert load_terrain(write_ground(tmp_path / 'b.tif')).shape == GROUND.shape
+@pytest.mark.parametrize(('fault', 'text'), [
+    ('import nothing', "ended with status 1. Run 'lava check install'"),
+    ('os._exit(3)', "ended with status 3. Run 'lava check install'"),
+    ('signal.raise_signal(9)', 'GiB of memory'), ('os.abort()', 'GiB of memory'),
+    ('signal.raise_signal(signal.SIGXCPU)', 's of CPU time'),
+    ('signal.raise_signal(11)', 'an undamaged file: its reader ended with signal 11'),
+])
+def test_reader_that_ends_is_described(tmp_path, reader_code, fault, text):
+    path = write_ground(tmp_path / 'a.tif')
+    reader_code(
+        'import os, signal, lava_ros.files.reader.rasters as rasters\n'
+        f'def prepare():\n  {fault}\n'
+        'rasters.prepare = prepare\n'
+    )
+    with pytest.raises(LavaError, match=re.escape(text)):
+        load_terrain(path)
 
 
 def write_raster_of_zeros(path: Path) -> None:
@@ -203,22 +223,6 @@ def test_reader_has_no_sockets_programs_or_files():
     )
     run = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     assert run.stdout.splitlines() == ['True', *['Permission denied'] * 3, 'Too many open files']
-
-
-def test_reader_ends_with_its_process(tmp_path):
-    path = write_ground(tmp_path / 'a.tif')
-    code = (
-        'import os, signal\n'
-        'from lava_ros.files.rasters import read_raster\n'
-        'from lava_ros.files.reader import client\n'
-        f'read_raster("a", {str(path)!r})\n'
-        'print(client._readers[0].process.pid, flush=True)\n'
-        'os.kill(os.getpid(), signal.SIGKILL)\n'
-    )
-    run = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
-    reader = int(run.stdout)
-    wait_until(lambda: not Path(f'/proc/{reader}/cmdline').exists()
-               or not Path(f'/proc/{reader}/cmdline').read_bytes())
 
 
 @pytest.mark.parametrize(('limit', 'is_reached'), [

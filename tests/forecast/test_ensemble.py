@@ -7,7 +7,6 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-import multiprocessing
 import os
 from pathlib import Path
 import re
@@ -30,6 +29,7 @@ from lava_ros.forecast.store import maps_at, Store
 from lava_ros.layers.forecast import HazardMaps
 from lava_ros.layers.places import Places
 from lava_ros.layers.spacing_error import pair_of
+from lava_ros.processes.requests import ChildProcess
 from lava_ros.simulation.accuracy import Accuracy
 from slope_scenes import uncertain_scene
 
@@ -294,18 +294,28 @@ def listening(pids: Iterable[int]) -> list[str]:
 
 
 @pytest.mark.nightly
-def test_local_processes_do_not_listen_and_survive_a_kill(small: Any, tmp_path: Path) -> None:
+def test_local_processes_do_not_listen_and_survive_a_kill(
+    small: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     runs, whole = small
     before = listening([os.getpid()])
+    started: list[ChildProcess] = []
     recorded: list[set[int]] = []
 
+    class Noted(ChildProcess):
+        def __init__(self, loop: str) -> None:
+            super().__init__(loop)
+            started.append(self)
+
     def look(done: int, resumed: int) -> None:
-        workers = {child.pid for child in multiprocessing.active_children() if child.pid}
+        workers = {child.pid for child in started if child.is_usable}
         recorded.append(workers)
         assert listening([os.getpid(), *workers]) == before
         if done == 1:
-            os.kill(min(workers), signal.SIGKILL)
+            for pid in workers:
+                os.kill(pid, signal.SIGKILL)
 
+    monkeypatch.setattr('lava_ros.forecast.pool.ChildProcess', Noted)
     maps = runs(tmp_path, partial(run_in_processes, workers=2), on_finished=look)
     assert same(maps, whole)
     assert np.nanmax(whole.probability) == 100.0

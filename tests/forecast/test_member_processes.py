@@ -18,9 +18,10 @@ from lava_ros.forecast.live_ensemble import LiveEnsemble, LiveEnsembles
 from lava_ros.forecast.member_processes import count_processes, MemberProcesses, MemberRuns
 from lava_ros.forecast.members import plan_from
 from lava_ros.forecast.process import Forecasting
+from lava_ros.processes import requests
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from live_scene import checkpoints_at, MEMBERS, RULES
-from waiting import PATIENCE, wait_until
+from waiting import wait_until
 
 COUNT = 2
 
@@ -31,10 +32,8 @@ def moment() -> Checkpoint:
 
 
 @pytest.fixture(scope='module')
-def processes() -> Iterator[MemberProcesses]:
-    started = MemberProcesses(COUNT)
-    yield started
-    started.end()
+def processes() -> MemberProcesses:
+    return MemberProcesses(COUNT)
 
 
 def finish(ensemble: LiveEnsemble) -> LiveEnsemble:
@@ -70,11 +69,11 @@ def test_killed_process_ends_the_parent_which_the_node_starts_again(
 ) -> None:
     monkeypatch.setattr(live_ensemble, 'count_processes', lambda *_: COUNT)
     monkeypatch.setattr(member_processes, 'ChildProcess', Killed)
-    requests: queue.Queue[Any] = queue.Queue()
-    forecasting = Forecasting(requests, lambda *_, **__: None)
+    orders: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    forecasting = Forecasting(orders, lambda *_, **__: None)
     order = {'members': 2, 'changes': 1, 'posterior': None, 'outlines': 0}
     values = {'number': 1, 'checkpoint': moment, 'is_first': True, 'ensemble': order}
-    requests.put(('fork', values | RULES))
+    orders.put(('fork', values | RULES))
     with pytest.raises(ChildProcessError, match='killed by signal 9'):
         wait_until(forecasting.turn)
 
@@ -82,10 +81,9 @@ def test_killed_process_ends_the_parent_which_the_node_starts_again(
 class Killed(member_processes.ChildProcess):
     """A process that ends before its first request."""
 
-    def __init__(self, module: str) -> None:
-        super().__init__(module)
+    def __init__(self, loop: str) -> None:
+        super().__init__(loop)
         os.kill(self.pid, signal.SIGKILL)
-        self._exit_status(PATIENCE)
 
 
 class Slices:
@@ -117,8 +115,8 @@ def test_process_runs_members_for_its_share_of_time(
     monkeypatch: pytest.MonkeyPatch, share: float
 ) -> None:
     clock = Slices()
-    for module in ('child_process', 'member_processes'):
-        monkeypatch.setattr(f'lava_ros.forecast.{module}.time', clock)
+    for module in (requests, member_processes):
+        monkeypatch.setattr(module, 'time', clock)
     monkeypatch.setattr(member_processes, 'running', clock.running)
     clock.requests = [
         ('share', {'share': share}), ('run', {'number': 1, 'plan': None, 'members': []})

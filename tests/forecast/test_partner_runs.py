@@ -4,14 +4,16 @@
 """Partner runs of a run, and the numerical error that they measure."""
 
 from dataclasses import replace
+import queue
 
 import numpy as np
 import pytest
 
 from lava_ros.effects import Effects
+from lava_ros.forecast import partner_process
 from lava_ros.forecast.ensemble_error import measure_ensemble_error, MIN_MEMBERS
 from lava_ros.forecast.members import make_plan
-from lava_ros.forecast.partner_process import measure
+from lava_ros.forecast.partner_process import PartnerRuns
 from lava_ros.forecast.partner_runs import measure_error, partner_of
 from lava_ros.forecast.store import Store
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -98,16 +100,49 @@ def test_partner_runs_have_the_events_of_the_scene(device):
     assert found.inundated.ground > 0.05
 
 
-def test_process_rests_and_finds_the_same_error(monkeypatch):
-    rests = []
-    monkeypatch.setattr('lava_ros.forecast.partner_process.time.sleep', rests.append)
-    monkeypatch.setattr('lava_ros.forecast.partner_process.SLICE_WALL_TIME', 0.0)
-    areas = run(SMOOTH, ACCURACY, 'cpu')
-    found = measure(share=0.25, scene=SMOOTH, run=areas, time=END, **options('cpu'))
-    expected = measure_error(SMOOTH, areas, END, **options('cpu'))
-    assert found.as_dict() == expected.as_dict()
+class Requests(list):
+    """Requests, and the rests before slices."""
+
+    def __init__(self, *items):
+        super().__init__(items)
+        self.rests = []
+
+    def get(self, *, timeout):
+        if self:
+            return self.pop()
+        self.rests.append(timeout)
+        raise queue.Empty
+
+
+def test_process_rests_and_finds_the_same_error():
+    areas, replies = run(SMOOTH, ACCURACY, 'cpu'), []
+    values = {'scene': SMOOTH, 'run': areas, 'time': END, **options('cpu')}
+    requests = Requests(('measure', values | {'share': 0.25}))
+    runs = PartnerRuns(requests, lambda name, **values: replies.append((name, values['error'])))
+    runs.turn()
+    while runs.is_busy:
+        runs.turn()
+    (name, found), = replies
+    assert name == 'measured'
+    assert found.as_dict() == measure_error(**values).as_dict()
     # three times as long as it computes
-    assert sum(rests) == pytest.approx(3.0 * found.cost, rel=0.5)
+    assert sum(requests.rests) == pytest.approx(3.0 * found.cost, rel=0.5)
+
+
+@pytest.mark.parametrize('error', [OSError(28, 'disk full'), MemoryError('too large')])
+def test_process_explains_why_the_error_is_not_measured(monkeypatch, error):
+    def measuring(**_):
+        raise error
+        yield
+
+    monkeypatch.setattr(partner_process, 'measuring', measuring)
+    replies = []
+    runs = PartnerRuns(
+        Requests(('measure', {'share': 1.0})), lambda name, **values: replies.append(values)
+    )
+    runs.turn()
+    runs.turn()
+    assert replies == [{'reason': f'{type(error).__name__}: {error}'}] and not runs.is_busy
 
 
 def test_error_of_an_ensemble_is_that_of_its_scene_and_is_kept(tmp_path, monkeypatch):

@@ -3,23 +3,18 @@
 
 """A process pool loses no job and leaves no process behind."""
 
-from collections.abc import Callable
 from contextlib import closing
 from functools import partial
 import os
 from pathlib import Path
 import signal
-import subprocess
-import sys
 import time
 
 import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.pool import Pool, process_number
-
-#: Maximum time until the end of a process is noticed [s].
-PATIENCE = 60.0
+from waiting import wait_until
 
 
 def squared(job: int) -> tuple[int, int, int]:
@@ -47,28 +42,6 @@ def fails(job: int) -> int:
     raise LavaError('job', job, 'another')
 
 
-def waits(pids: Path, job: int) -> None:
-    """Never return."""
-    (pids / str(os.getpid())).touch()
-    time.sleep(3600.0)
-
-
-def becomes(state: Callable[[], bool]) -> bool:
-    """Return True if a state becomes true within the patience."""
-    end = time.monotonic() + PATIENCE
-    while not state() and time.monotonic() < end:
-        time.sleep(0.01)
-    return state()
-
-
-def is_gone(pid: int) -> bool:
-    """Return True if a process has ended, reaped or not."""
-    try:
-        return Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()[0] == 'Z'
-    except OSError:
-        return True
-
-
 def test_each_job_is_done_once() -> None:
     with closing(Pool(squared, 2)) as pool:
         first, second = dict(pool(range(20))), dict(pool(range(3)))
@@ -81,56 +54,67 @@ def test_each_job_is_done_once() -> None:
     assert len(pids) <= 2 and os.getpid() not in pids
 
 
+def numbered(marks: Path, job: int) -> int:
+    """Kill the process of job 0 in job 1, and return the number of the process."""
+    pid, again = marks / 'pid', marks / 'again'
+    if job == 1:
+        wait_until(pid.exists)
+        os.kill(int(pid.read_text()), signal.SIGKILL)
+        wait_until(again.exists)
+    elif pid.exists():
+        again.touch()
+    else:
+        (marks / 'new').write_text(str(os.getpid()))
+        (marks / 'new').rename(pid)
+        time.sleep(3600.0)
+    return process_number()
+
+
+def marked(marks: Path, job: int) -> int:
+    (marks / str(job)).touch()
+    return job
+
+
+def test_process_has_the_next_job_before_its_result_is_used(tmp_path: Path) -> None:
+    with closing(Pool(partial(marked, tmp_path), 1)) as pool:
+        results = pool(range(2))
+        assert next(results) == (0, 0)
+        wait_until((tmp_path / '1').exists)
+        assert list(results) == [(1, 1)]
+
+
 def test_jobs_of_a_dead_process_are_repeated(tmp_path: Path) -> None:
     with closing(Pool(partial(dies_once, tmp_path), 1)) as pool:
         assert sorted(pool(range(3))) == [(0, 0), (1, 1), (2, 2)]
 
 
+def test_dead_process_is_replaced_by_one_of_its_number(tmp_path: Path) -> None:
+    with closing(Pool(partial(numbered, tmp_path), 2)) as pool:
+        assert sorted(pool(range(2))) == [(0, 0), (1, 1)]
+
+
 def test_job_that_kills_its_process_is_named() -> None:
     done = []
-    with closing(Pool(dies, 1)) as pool, pytest.raises(LavaError, match='ran the jobs 2 ended'):
+    text = '4 processes ended while they ran job 2: .*signal 9'
+    with closing(Pool(dies, 1)) as pool, pytest.raises(LavaError, match=text):
         for number, _ in pool(range(3)):
             done.append(number)
     assert done == [0, 1]
 
 
-def test_errors_keep_their_parts() -> None:
-    with closing(Pool(fails, 1)) as pool, pytest.raises(LavaError) as caught:
-        list(pool([7]))
-    assert (caught.value.field, caught.value.value) == ('job', 7)
+def test_pool_is_usable_after_an_error() -> None:
+    with closing(Pool(fails, 2)) as pool:
+        for job in (7, 8):
+            with pytest.raises(LavaError) as caught:
+                list(pool([job, job]))
+            assert (caught.value.field, caught.value.value) == ('job', job)
 
 
-def is_blocked(signal_number: int) -> bool:
-    """Return True if this process blocks a signal."""
-    return signal_number in signal.pthread_sigmask(signal.SIG_BLOCK, [])
-
-
-def test_processes_ignore_ctrl_c() -> None:
-    with closing(Pool(is_blocked, 1)) as pool:
-        assert list(pool([signal.SIGINT, signal.SIGTERM])) == [(0, True), (1, False)]
-    assert not is_blocked(signal.SIGINT)
-
-
-@pytest.mark.parametrize('signal_number', [signal.SIGKILL, signal.SIGINT])
-def test_processes_end_with_their_owner(signal_number: int, tmp_path: Path) -> None:
-    code = f"""
-from contextlib import closing
-from functools import partial
-from pathlib import Path
-from lava_ros.forecast.pool import Pool
-from test_pool import waits
-with closing(Pool(partial(waits, Path({str(tmp_path)!r})), 2)) as pool:
-    list(pool(range(2)))
-"""
-    path = os.pathsep.join(map(str, [Path(__file__).parent, *sys.path]))
-    with subprocess.Popen(
-        [sys.executable, '-c', code], env={**os.environ, 'PYTHONPATH': path},
-        stderr=subprocess.DEVNULL,
-    ) as owner:
-        try:
-            assert becomes(lambda: len(list(tmp_path.iterdir())) == 2)
-            owner.send_signal(signal_number)
-            assert owner.wait(PATIENCE) == -signal_number
-        finally:
-            owner.kill()
-    assert all(becomes(partial(is_gone, int(path.name))) for path in tmp_path.iterdir())
+def test_pool_is_usable_after_some_results() -> None:
+    with closing(Pool(squared, 2)) as pool:
+        for job in range(3):
+            # the other jobs are not finished
+            results = pool([job, 7, 7, 7])
+            next(results)
+            results.close()  # type: ignore[attr-defined]
+        assert sorted(number for number, _ in pool(range(3))) == [0, 1, 2]

@@ -20,9 +20,9 @@ from lava_ros.layers.spacing_error import (
     SpacingPair,
 )
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.numerical_error import PARTICLE_ORDER
+from lava_ros.simulation.numerical_error import ORDERS
 
-REDUCTION = COARSER['particles']**PARTICLE_ORDER - 1.0
+REDUCTION = COARSER['particles']**ORDERS['particles'] - 1.0
 
 #: No error.
 NONE = SpacingError('particles', 10.0, 4, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -53,10 +53,10 @@ def test_pair_has_the_delay_and_the_growth_of_its_coarser_run() -> None:
 
 
 @pytest.mark.parametrize('method', COARSER)
-def test_error_is_that_of_an_exact_run_by_the_order_of_the_particles(method: str) -> None:
+def test_error_is_that_of_an_exact_run_by_the_order_of_the_method(method: str) -> None:
     spacing, rate = 8.0, 0.004
     accuracy = Accuracy(method=method, spacing=spacing)
-    delay, coarser = (rate * d**PARTICLE_ORDER for d in (spacing, COARSER[method] * spacing))
+    delay, coarser = (rate * d**ORDERS[method] for d in (spacing, COARSER[method] * spacing))
     pair = SpacingPair(coarser - delay, 0.0, delay - coarser, 0.0)
     error = SpacingError.of([pair, pair], accuracy)
     assert error is not None
@@ -126,11 +126,15 @@ def test_areas_are_shifted_and_widened() -> None:
     assert error.corrected_areas({0.1: 1.0, 0.5: 0.0, 0.9: 0.0})[0.1] == 1.0
 
 
-def test_too_large_an_error_names_a_spacing_that_is_usable() -> None:
-    good, bad = replace(NONE, delay=MAX_CORRECTION), replace(NONE, delay=2.0 * MAX_CORRECTION)
+@pytest.mark.parametrize('method', COARSER)
+def test_too_large_an_error_names_a_spacing_that_is_usable(method: str) -> None:
+    good, bad = (
+        replace(NONE, method=method, delay=part * MAX_CORRECTION) for part in (1.0, 2.0)
+    )
+    usable = 10.0 * 0.5 ** (1.0 / ORDERS[method])
     assert good.is_usable and not bad.is_usable
-    assert bad.usable_spacing == pytest.approx(10.0 * 0.5 ** (1.0 / PARTICLE_ORDER), rel=0.02)
-    assert bad.usable_spacing <= 10.0 * 0.5 ** (1.0 / PARTICLE_ORDER)
+    assert bad.usable_spacing == pytest.approx(usable, rel=0.02)
+    assert bad.usable_spacing <= usable
     assert 'not usable' in bad.text() and f'{bad.usable_spacing:g} m would do' in bad.text()
     assert 'too late' in good.text() and 'not usable' not in good.text()
     for values in ({'growth': -0.2}, {'area_error': 0.5}, {'area_error': 1.0}):

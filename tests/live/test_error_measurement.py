@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lava_ros.effects import Effects
-from lava_ros.forecast.partner_process import measure
+from lava_ros.forecast.partner_runs import measure_error
 from lava_ros.live.error_measurement import ErrorMeasurement, partner_process
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
@@ -80,7 +80,7 @@ class FakeProcess:
             return 'refused', {'reason': self.error}
         return 'measured', {'error': replace(self.error, time=self.requests[-1][1]['time'])}
 
-    def end(self, timeout):
+    def end(self):
         self.ended += 1
 
 
@@ -133,8 +133,8 @@ def test_error_at_the_end_is_that_of_partner_runs(bench, method):
     found.error._begin()
     (name, request), = fake.requests
     found.error._end_process()
-    expected = measure(**request)
-    assert name == 'measure' and request['share'] == 1.0
+    assert name == 'measure' and request.pop('share') == 1.0
+    expected = measure_error(**request)
     assert error.as_dict() == expected.as_dict() and error.method == method
     assert 0.0 < error.inundated.lava < 1.0 and error.inundated.ground > 0.0
     assert found.error.text() == f'{error.text()}, at 120 s'

@@ -4,14 +4,11 @@
 """Forecasts during a live simulation."""
 
 from concurrent.futures import CancelledError
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 import os
-from pathlib import Path
 import queue
 import signal
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -19,10 +16,8 @@ import pytest
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast import child_process
 from lava_ros.forecast import process as forecast_process
 from lava_ros.forecast.assimilation import Mask
-from lava_ros.forecast.child_process import ChildProcess, NICENESS
 from lava_ros.forecast.forecast_run import ForecastRun, N_FIRST_SAMPLES, N_SAMPLES
 from lava_ros.live import forecaster
 from lava_ros.live.ensemble_forecasts import ForecastRules
@@ -34,6 +29,8 @@ from lava_ros.live.forecaster import (
     MIN_PERIOD,
 )
 from lava_ros.live.worker import SimulationWorker
+from lava_ros.processes import requests as request_loops
+from lava_ros.processes.requests import NICENESS
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
@@ -79,7 +76,7 @@ class Bench:
         self.forecaster.want(True)
 
     def _process(self):
-        process = ChildProcess('lava_ros.forecast.process')
+        process = forecaster.start_process()
         self.started.append(process.pid)
         request = process.request
 
@@ -281,7 +278,7 @@ def test_process_computes_only_for_its_share_of_time(monkeypatch):
     slices = Slices()
     monkeypatch.setattr(forecast_process, 'ForecastRun', lambda *_, **__: slices)
     # the worker of earlier tests still runs: patch only this module
-    monkeypatch.setattr(child_process, 'time', slices)
+    monkeypatch.setattr(request_loops, 'time', slices)
     forecasting = forecast_process.Forecasting(slices, lambda *_, **__: None)
     slices.put(('share', {'share': 0.1}))
     slices.put(('fork', FORK))
@@ -295,37 +292,34 @@ def test_process_computes_only_for_its_share_of_time(monkeypatch):
         assert 0.8 * most < (slices.count - before) * 0.02 <= most
 
 
+@pytest.mark.parametrize(('error', 'is_refused'), [
+    (OSError(28, 'disk full'), True), (MemoryError('disk full'), True),
+    # a process of members has ended: the forecaster starts this one again
+    (ChildProcessError('disk full'), False),
+])
+def test_process_explains_why_a_forecast_fails(monkeypatch, error, is_refused):
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr(forecast_process, 'ForecastRun', fail)
+    orders, replies = queue.SimpleQueue(), []
+    forecasting = forecast_process.Forecasting(
+        orders, lambda name, **values: replies.append((name, values['reason']))
+    )
+    orders.put(('fork', FORK))
+    with nullcontext() if is_refused else pytest.raises(ChildProcessError):
+        forecasting.turn()
+    assert replies == [('refused', f'{type(error).__name__}: {error}')] * is_refused
+
+
 def test_first_forecast_of_a_scene_has_fewer_observations(monkeypatch):
     samples = []
     monkeypatch.setattr(
         forecast_process, 'ForecastRun', lambda *_, **options: samples.append(options['samples'])
     )
-    orders = queue.Queue()
+    orders = queue.SimpleQueue()
     forecasting = forecast_process.Forecasting(orders, lambda *_, **__: None)
     for is_first in (True, False):
         orders.put(('fork', FORK | {'is_first': is_first}))
         forecasting.turn()
     assert samples == [N_FIRST_SAMPLES, N_SAMPLES] and 2 * N_FIRST_SAMPLES < N_SAMPLES
-
-
-@pytest.mark.nightly
-def test_process_ignores_ctrl_c_and_ends_when_the_node_is_killed():
-    code = (
-        'import time\nfrom lava_ros.forecast.child_process import ChildProcess\n'
-        'process = ChildProcess("lava_ros.forecast.process")\n'
-        'print(process.pid, flush=True)\ntime.sleep(100.0)\n'
-    )
-    with subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True) as node:
-        process = Path(f'/proc/{int(node.stdout.readline())}')
-        lines = (process / 'status').read_text(encoding='ascii').splitlines()
-        (blocked,) = [line.split()[1] for line in lines if line.startswith('SigBlk')]
-        assert int(blocked, 16) & 1 << signal.SIGINT - 1
-        node.kill()
-
-    def has_ended():
-        with suppress(OSError):
-            stat = (process / 'stat').read_text(encoding='ascii')
-            return stat.rpartition(')')[2].split()[0] == 'Z'
-        return True
-
-    wait_until(has_ended)

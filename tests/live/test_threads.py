@@ -3,7 +3,6 @@
 
 """Background threads: the owner of a simulation, unexpected exceptions, and bursts of commands."""
 
-from contextlib import suppress
 import threading
 from types import SimpleNamespace
 
@@ -12,7 +11,6 @@ import pytest
 
 from lava_ros import errors
 from lava_ros.errors import Guard, LavaError
-from lava_ros.forecast import child_process, pool
 from lava_ros.live import forecaster, worker
 from lava_ros.live.ensemble_forecasts import ForecastRules
 from lava_ros.live.forecaster import Forecaster
@@ -147,34 +145,6 @@ def test_thread_reports_an_unexpected_exception_and_continues(
     if hasattr(bench, 'forecaster'):
         assert bench.forecaster._thread.is_alive()
         assert bench.forecaster.stop(PATIENCE)
-
-
-def end_with(connection):
-    pool._end_with(connection)
-
-
-def read_requests(connection):
-    child_process._read(connection, SimpleNamespace(put=lambda _: None))
-
-
-@pytest.mark.parametrize(
-    ('run', 'error', 'status'),
-    [
-        (end_with, EOFError(), 1),
-        (end_with, OSError('odd'), 1),
-        (read_requests, EOFError(), 0),
-        (read_requests, OSError('odd'), 0),
-        (read_requests, RuntimeError('odd'), 1),
-    ],
-)
-def test_thread_of_a_child_process_ends_it(monkeypatch, capfd, run, error, status):
-    statuses = []
-    monkeypatch.setattr('os._exit', statuses.append)
-    with suppress(type(error)):
-        run(SimpleNamespace(recv=raising(error)))
-    assert statuses == [status]
-    # its parent reports the end of a process, but not the reason
-    assert ('RuntimeError: odd' in capfd.readouterr().err) == isinstance(error, RuntimeError)
 
 
 def test_recurring_exception_is_logged_once(caplog):

@@ -17,7 +17,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output import measurement
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.measurement import current_resolution, measure_widths
-from lava_ros.simulation.selection import Decision, noted
+from lava_ros.simulation.selection import Decision
 from lava_ros.simulation.setup import review as review_module
 from lava_ros.simulation.setup.review import (
     EffectChoice,
@@ -259,12 +259,12 @@ def test_reviews_evaluate_effects_that_are_off_and_have_a_threshold():
 
 def test_decision_names_the_effect_that_excludes_it():
     before = decision('helmholtz', 0.01)
-    low, high = (noted(before, only('inertia'), measured, math.nan) for measured in (0.1, 0.4))
+    low, high = (before.in_run(only('inertia'), measured, math.nan) for measured in (0.1, 0.4))
     assert low.rival == '' and low.reason.endswith('0.01 <= 0.22, measured 0.1')
     assert high.rival == 'inertia'
     assert high.reason == 'h / half-width = 0.4 > 0.22, but excluded by inertia'
     assert high.cost == pytest.approx(EFFECTS['helmholtz'].cost * 0.4 / 0.22)
-    switched = noted(before, only('helmholtz'), 0.4, 60.0)
+    switched = before.in_run(only('helmholtz'), 0.4, 60.0)
     assert switched.is_on and switched.rival == '' and switched.cost == 0.0
     assert switched.reason == 'h / half-width = 0.4 > 0.22 since 60 s, 0.01 expected'
-    assert np.isnan(noted(before, only(), math.nan, math.nan).measured)
+    assert np.isnan(before.in_run(only(), math.nan, math.nan).measured)

@@ -112,7 +112,7 @@ def test_curvature_is_the_largest_eigenvalue_or_zero(device):
     north = sampled(terrain, points + across) - sampled(terrain, points - across)
     slopes = np.stack([east, north], axis=1) / 0.02
     largest = np.linalg.eigvalsh(0.5 * (slopes + np.swapaxes(slopes, 1, 2)))[:, -1]
-    bends = sampled(terrain, points, device, of='bend_at', kind=wp.float64)
+    bends = sampled(terrain, points, device, of='curvature_at', kind=wp.float64)
     assert bends == pytest.approx(np.maximum(largest, 0.0), rel=1e-6, abs=1e-9)
     assert (bends == 0.0).any() and (bends > 0.0).any()
 

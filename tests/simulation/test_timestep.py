@@ -11,7 +11,7 @@ import pytest
 import warp as wp
 
 from lava_ros.simulation.particles import layout as at
-from lava_ros.simulation.step.timestep import choice_function, LIMITS, MAX_STAGES, Pace
+from lava_ros.simulation.step.timestep import choice_function, LIMITS, MAX_STAGES, StepLimits
 
 FAR, MAX_STEP = 1e9, 100.0
 
@@ -27,16 +27,16 @@ def kernel(order):
     choose = choice_function(form, False)
 
     @wp.kernel(module='unique', enable_backward=False)
-    def once(pace: Pace, m: at.arguments_type(wp.float64)):
-        choose(pace, m)
+    def once(limits: StepLimits, m: at.arguments_type(wp.float64)):
+        choose(limits, m)
 
     return once
 
 
 def chosen(order, *, diffusion=0.0, advection=0.0, end=FAR, fixed=0.0):
     """Return length [s], number of stages and limit of a step from 0 s."""
-    pace, m = Pace(), at.arguments_type(wp.float64)()
-    pace.longest, pace.fixed, pace.few = MAX_STEP, fixed, 0
+    limits, m = StepLimits(), at.arguments_type(wp.float64)()
+    limits.longest, limits.fixed, limits.few_particles = MAX_STEP, fixed, 0
     given = {
         'rates': [diffusion, advection], 'clock': np.zeros(5), 'limit_time': [end, FAR],
         'stage': np.zeros(4),
@@ -44,11 +44,11 @@ def chosen(order, *, diffusion=0.0, advection=0.0, end=FAR, fixed=0.0):
     given['clock'][at.TARGET] = FAR
     for name, values in given.items():
         setattr(m, name, wp.array(values, dtype=wp.float64, device='cpu'))
-    for name in ('ends', 'limits'):
-        setattr(pace, name, wp.array([math.inf], dtype=wp.float64, device='cpu'))
-    pace.due = wp.full(1, wp.vec2d(math.inf, math.inf), dtype=wp.vec2d, device='cpu')
+    for name in ('span_ends', 'span_steps'):
+        setattr(limits, name, wp.array([math.inf], dtype=wp.float64, device='cpu'))
+    limits.due = wp.full(1, wp.vec2d(math.inf, math.inf), dtype=wp.vec2d, device='cpu')
     m.counts = wp.zeros(11, dtype=wp.int32, device='cpu')
-    wp.launch(kernel(order), dim=1, inputs=[pace, m], device='cpu')
+    wp.launch(kernel(order), dim=1, inputs=[limits, m], device='cpu')
     counts = m.counts.numpy()
     return m.clock.numpy()[at.STEP], counts[at.STAGES], LIMITS[counts[at.LIMIT]]
 

@@ -18,19 +18,17 @@ from pathlib import Path
 import signal
 import socket
 import subprocess
-import sys
 import threading
 from typing import Any, BinaryIO, NamedTuple
-import weakref
 
 import numpy as np
 
-import lava_ros
 from lava_ros import validation
 from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files import open_input
 from lava_ros.files.reader.confinement import MEMORY_LIMIT, SWITCHES, TIME_LIMIT
 from lava_ros.files.reader.memory import ANSWER, MAP_FLAGS, REQUEST
+from lava_ros.processes.child import Child
 
 #: Maximum size of an answer [bytes].
 MAX_ANSWER = 8 << 30
@@ -40,15 +38,6 @@ KINDS = (
     'int8', 'uint8', 'int16', 'uint16', 'int32', 'uint32', 'int64', 'uint64', 'float32',
     'float64',
 )
-
-#: Code of the process. Its first arguments are the socket and the import path.
-_CODE = (
-    'import sys; sys.path[:] = sys.argv[2:]; '
-    'from lava_ros.files.reader.process import main; main(int(sys.argv[1]))'
-)
-
-#: Folder of the package, which a hook may import from elsewhere than ``sys.path``.
-_FOLDER = str(Path(lava_ros.__file__).parents[1])
 
 #: A file for the reader: its name in the reader, and its path or its bytes.
 File = tuple[str, Path | bytes]
@@ -61,40 +50,22 @@ class Answer(NamedTuple):
     arrays: list[np.ndarray]
 
 
-class _Reader:
+class _Reader(Child):
     """A running reader process."""
 
     def __init__(self) -> None:
-        ours, theirs = socket.socketpair()
-        with theirs:
+        super().__init__(
+            'lava_ros.files.reader.process',
             # hooks of .pth files are not run: they take longer than Python itself
-            paths = dict.fromkeys(os.path.abspath(item) for item in (*sys.path, _FOLDER))
-            # the pipe ends with this process, which ends the reader
-            self.process = subprocess.Popen(
-                [sys.executable, '-I', '-S', '-c', _CODE, str(theirs.fileno()), *paths],
-                stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                pass_fds=[theirs.fileno()], cwd='/', start_new_session=True,
-                env={**os.environ, **SWITCHES},
-            )
-        self.channel = ours
-        self.owner = os.getpid()
-        self._finalizer = weakref.finalize(self, _end, self.process, ours, self.owner)
-
-    @property
-    def is_usable(self) -> bool:
-        """True if the reader runs and was started by this process, not by its parent."""
-        return self.owner == os.getpid() and self.process.poll() is None
-
-    def end(self) -> int:
-        """End the process, and return its exit status."""
-        self._finalizer()
-        return self.process.returncode
+            switches=['-I', '-S'], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            cwd='/', env={**os.environ, **SWITCHES},
+        )
 
     def ask(self, request: dict[str, Any], files: Iterable[File]) -> Answer:
         """Send a request and its files, and return the answer.
 
         Raises:
-            EOFError: If the reader ended.
+            ChildProcessError: If the reader ended.
         """
         with _shared_file() as shared:
             try:
@@ -106,18 +77,9 @@ class _Reader:
                     with _opened(content) as file:
                         socket.send_fds(self.channel, [b'.'], [file.fileno()])
                 place, length = ANSWER.unpack(_receive(self.channel, ANSWER.size))
-            except (BrokenPipeError, ConnectionResetError) as error:
-                raise EOFError from error
-            return _read_answer(shared, place, length)
-
-
-def _end(process: subprocess.Popen[bytes], channel: socket.socket, owner: int) -> None:
-    channel.close()
-    assert process.stdin is not None
-    process.stdin.close()
-    if owner == os.getpid():
-        process.kill() if process.poll() is None else None
-        process.wait()
+                return _read_answer(shared, place, length)
+            except (EOFError, BrokenPipeError, ConnectionResetError) as error:
+                raise self.ended() from error
 
 
 _LOCK = threading.Lock()
@@ -157,15 +119,16 @@ def read_in_process(
         reader = _running()
         try:
             answer = reader.ask(request, files)
-        except BaseException as error:
-            # an interrupted exchange cannot be continued
-            status = reader.end()
-            _readers.clear()
-            if isinstance(error, EOFError) and status > 0:
+        except ChildProcessError as error:
+            status = reader.exit_status() or 0
+            reader.end()
+            if status > 0:
                 problem = f'The process that reads {field} {value} ended with status {status}'
                 raise RefusalError(field, problem, "Run 'lava check install'") from error
-            if isinstance(error, EOFError):
-                raise LavaError(field, str(value), _limit(status)) from error
+            raise LavaError(field, str(value), _limit(status)) from error
+        except BaseException:
+            # an interrupted exchange cannot be continued
+            reader.end()
             raise
     for name, level, message in answer.data.get('log', ()):
         logging.getLogger(str(name)).log(int(level), '%s', message)

@@ -3,19 +3,19 @@
 
 """The reader process: reads the files of one request after another, in memory."""
 
+from functools import partial
 from importlib import import_module
 import json
 import logging
-import os
+from queue import SimpleQueue
 import socket
-import sys
-import threading
 from typing import Any
 
 from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files.reader import confinement
 from lava_ros.files.reader.gdal import FOLDER
 from lava_ros.files.reader.memory import ANSWER, Content, Output, REQUEST
+from lava_ros.processes.received import receive_in_thread
 
 #: Module and function of each task, which takes the contents of files by name, the output, and its
 #: options, and returns plain data. A module is loaded with its first task.
@@ -43,43 +43,48 @@ def _plain(text: str) -> str:
     return text.replace(f'{FOLDER}/', '')
 
 
-def main(channel: int) -> None:
+def main(descriptor: str) -> None:
     """Answer requests from a socket until it is closed."""
+    # no thread may be without the filter
     confinement.deny_network_and_programs()
-    threading.Thread(target=_end_with_parent, daemon=True).start()
     log = _Log()
     logging.getLogger('lava_ros').addHandler(log)
     logging.getLogger('lava_ros').setLevel(logging.WARNING)
-    with socket.socket(fileno=channel) as connection:
-        while request := _received(connection):
-            log.found.clear()
-            _answer(connection, request, log)
+    requests: SimpleQueue[tuple[dict[str, Any], list[int]]] = SimpleQueue()
+    # it is not closed: a closed one means the end of the parent
+    connection = socket.socket(fileno=int(descriptor))
+    receive_in_thread(partial(_received, connection), requests)
+    while True:
+        request, descriptors = requests.get()
+        log.found.clear()
+        _answer(connection, request, descriptors, log)
 
 
-def _end_with_parent() -> None:
-    """End this process when the parent closes its pipe."""
-    os.read(sys.stdin.fileno(), 1)
-    os._exit(0)
-
-
-def _received(connection: socket.socket) -> dict[str, Any]:
-    """Return the next request; empty at the end."""
+def _received(connection: socket.socket) -> tuple[dict[str, Any], list[int]]:
+    """Return the next request with the descriptors of its output and its files."""
     head = connection.recv(REQUEST.size, socket.MSG_WAITALL)
     if len(head) < REQUEST.size:
-        return {}
+        raise EOFError
     (length,) = REQUEST.unpack(head)
-    request: dict[str, Any] = json.loads(connection.recv(length, socket.MSG_WAITALL))
-    return request
+    text = connection.recv(length, socket.MSG_WAITALL)
+    if len(text) < length:
+        raise EOFError
+    request: dict[str, Any] = json.loads(text)
+    return request, [_received_file(connection) for _ in ('output', *request['files'])]
 
 
 def _received_file(connection: socket.socket) -> int:
-    _, (descriptor, *_), *_ = socket.recv_fds(connection, 1, 1)
-    return descriptor
+    _, descriptors, *_ = socket.recv_fds(connection, 1, 1)
+    if not descriptors:
+        raise EOFError
+    return descriptors[0]
 
 
-def _answer(connection: socket.socket, request: dict[str, Any], log: _Log) -> None:
-    output = Output(_received_file(connection))
-    files = {name: Content(_received_file(connection)) for name in request.pop('files')}
+def _answer(
+    connection: socket.socket, request: dict[str, Any], descriptors: list[int], log: _Log
+) -> None:
+    output = Output(descriptors[0])
+    files = dict(zip(request.pop('files'), map(Content, descriptors[1:]), strict=True))
     module_name, function = TASKS[request.pop('task')]
     module = import_module(f'{__package__}.{module_name}')
     field, path = request['field'], request['path']

@@ -10,10 +10,9 @@ docs/PERFORMANCE.md describes each technique, its reason and its gain:
   2e-7, as is float32; float64, and with it the reference, is not affected.
 * ``access``: Warp reads a vec4 as four numbers without alignment; here it is one
   access to 16 bytes. Reads use the read-only cache: never read this way what the kernel writes.
-* ``after_the_former``: a kernel may start before its predecessor has ended.
+* ``after_previous_kernel``: a kernel may start before its predecessor has ended.
 * ``announce``, ``wait_for``: one thread can process the results of all threads without a launch of
   its own, while the other threads do work that does not depend on it.
-* ``cos_pi``, ``sin_pi``: of a float64 in half turns, which needs no table for large angles.
 * ``raise_to``: a maximum over all particles. Atomic updates of one address by each thread would be
   slower than the rest of the kernel; a warp of 32 finds its own maximum and updates it once.
 """
@@ -36,30 +35,6 @@ _WIDE = {
     (wp.float64, 2): ('double2', 1),
     (wp.float64, 4): ('double2', 2),
 }
-#: Strides of a 2-D array are in bytes.
-_PATCH = """
-    wp::mat_t<3, 3, NUMBER> patch;
-    for (int n = 0; n < 3; ++n) {
-        const NUMBER* row = reinterpret_cast<const NUMBER*>(
-            reinterpret_cast<const char*>(values.data) + size_t(i + n) * values.strides[0]) + j;
-        for (int m = 0; m < 3; ++m) {
-#if defined(__CUDA_ARCH__)
-            patch.data[n][m] = __ldg(row + m);
-#else
-            patch.data[n][m] = row[m];
-#endif
-        }
-    }
-    return patch;
-"""
-#: As above, of two by two items.
-_SQUARE = """
-    const int* row = reinterpret_cast<const int*>(
-        reinterpret_cast<const char*>(values.data) + size_t(i) * values.strides[0]) + j;
-    const int* next = reinterpret_cast<const int*>(
-        reinterpret_cast<const char*>(row) + values.strides[0]);
-    return wp::vec_t<4, int>(row[0], row[1], next[0], next[1]);
-"""
 #: All threads of a particle are active, and adjacent in a warp.
 _SUM = """
 #if defined(__CUDA_ARCH__)
@@ -69,12 +44,7 @@ _SUM = """
 #endif
     return value;
 """
-#: The hardware clamps a sum to the range 0 to 1; the compiler does not make use of it.
-_ONE_LESS = """
-    float left;
-    asm("fma.rn.ftz.sat.f32 %0, %1, %2, %3;" : "=f"(left) : "f"(-a), "f"(b), "f"(1.0f));
-    return left;"""
-_PAST_THE_CACHE = """
+_LOAD_UNCACHED = """
     int v;
     asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(v) : "l"(values.data + i));
     return v;
@@ -145,22 +115,6 @@ _RAISE_ON_CPU = """
     while (value > most && !__atomic_compare_exchange(
         values.data + i, &most, &value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {}
 """
-#: Most marks are there already, and a read takes less time than an atomic operation.
-_MARK_BITS = """
-    int* place = reinterpret_cast<int*>(
-        reinterpret_cast<char*>(values.data) + size_t(i) * values.strides[0]) + j;
-#if defined(__CUDA_ARCH__)
-    int found = *reinterpret_cast<volatile int*>(place);
-    if ((found & bits) != bits)
-        found = atomicOr(place, bits) | bits;
-    return __popc(found);
-#else
-    int found = __atomic_load_n(place, __ATOMIC_RELAXED);
-    if ((found & bits) != bits)
-        found = __atomic_fetch_or(place, bits, __ATOMIC_RELAXED) | bits;
-    return __builtin_popcount(found);
-#endif
-"""
 
 
 #: Threads per block, and blocks that a processor must hold, for kernels of few threads. With its
@@ -212,7 +166,7 @@ def quick_kernel(
         kernel = write(
             types | {'first': int},
             'thread = counted_from(first, wp.tid())',
-            'after_the_former()',
+            'after_previous_kernel()',
             f'body(thread, {", ".join(names)})',
         )
         kernel.for_many = lru_cache(partial(_for_many, write, function, types))
@@ -244,7 +198,7 @@ def _for_many(
         {'members': wp.array(dtype=arguments), 'blocks': wp.array(dtype=wp.vec3i)},
         f'block = blocks[block_number({size}, wp.tid())]',
         f'thread = block[1] + number_in_block({size}, wp.tid())',
-        'after_the_former()',
+        'after_previous_kernel()',
         # without a member, no thread is before the end
         f'{"while" if takes_turns else "if"} thread < block[2]:',
         '    member = members[block[0]]',
@@ -256,12 +210,8 @@ def _for_many(
 
 
 def _kernel_of(
-    body: Any,
-    function: Callable[..., None],
-    bounds: tuple[int, int] | None,
-    fast_math: bool,
-    types: Mapping[str, Any],
-    *lines: str,
+    body: Any, function: Callable[..., None], bounds: tuple[int, int] | None, fast_math: bool,
+    types: Mapping[str, Any], *lines: str,
 ) -> Any:
     """Write a kernel of a function: arguments by name, and the lines that call the function."""
     return wp.kernel(
@@ -304,7 +254,7 @@ def on_cuda(snippet: str, otherwise: str) -> str:
 
 
 @wp.func_native(_WAIT)
-def after_the_former():
+def after_previous_kernel():
     """Wait for the preceding kernels, until their writes are visible."""
 
 
@@ -354,17 +304,15 @@ def load1(kind: Any) -> Any:
 load_int = load1(wp.int32)
 
 
-@wp.func_native(on_cuda(_PAST_THE_CACHE, 'return values.data[i];'))
-def past_the_cache(values: wp.array(dtype=wp.int32), i: int) -> int:
+@wp.func_native(on_cuda(_LOAD_UNCACHED, 'return values.data[i];'))
+def load_uncached(values: wp.array(dtype=wp.int32), i: int) -> int:
     """Read item i >= 0 of an array that other threads may change; a device function.
 
     It bypasses the cache, which could otherwise keep outdated values of adjacent items.
     """
 
 
-@wp.func_native(
-    on_cuda('return blockIdx.x * blockDim.x + threadIdx.x;', 'return first + i;')
-)
+@wp.func_native(on_cuda('return blockIdx.x * blockDim.x + threadIdx.x;', 'return first + i;'))
 def counted_from(first: int, i: int) -> int:
     """Return the number of thread i, which on the CPU counts from ``first`` (threads.py).
 
@@ -382,28 +330,6 @@ def number_in_block(size: int, i: int) -> int:
     """Return the number of thread i within its block."""
 
 
-@wp.func_native(on_cuda('return true;', 'return false;'))
-def can_count() -> bool:
-    """Return True if many threads may count together: on the CPU Warp's atomics are not atomic."""
-
-
-@lru_cache
-def load9(real: Any) -> Any:
-    """Return the device function that reads rows i to i + 2, columns j to j + 2 of a 2-D array."""
-    mat33 = wp.types.matrix((3, 3), real)
-
-    @wp.func_native(_PATCH.replace('NUMBER', f'wp::{real.__name__}'))
-    def load(values: wp.array2d(dtype=real), i: int, j: int) -> mat33: ...
-
-    return load
-
-
-@wp.func_native(_SQUARE)
-def load_square(values: wp.array2d(dtype=wp.int32), i: int, j: int) -> wp.vec4i:
-    """Read items [i, j], [i, j + 1], [i + 1, j] and [i + 1, j + 1]."""
-    ...
-
-
 @wp.func_native(_ANNOUNCE)
 def announce(flag: wp.array(dtype=wp.int32)):
     """Publish the writes of the first thread to all threads of a CUDA kernel.
@@ -419,41 +345,8 @@ writing('flag')(announce)
 def wait_for(flag: wp.array(dtype=wp.int32)):
     """Wait for ``announce``.
 
-    Before it, the announced values may be read only with ``past_the_cache``.
+    Before it, the announced values may be read only with ``load_uncached``.
     """
-
-
-@wp.func_native(on_cuda('return cospi(x);', 'return wp::cos(3.141592653589793 * x);'))
-def cos_pi(x: wp.float64) -> wp.float64:
-    """Return cos(pi x); a device function."""
-
-
-@wp.func_native(on_cuda('return sinpi(x);', 'return wp::sin(3.141592653589793 * x);'))
-def sin_pi(x: wp.float64) -> wp.float64:
-    """Return sin(pi x); a device function."""
-
-
-@lru_cache
-def one_less(real: Any) -> Any:
-    """Return the device function max(1 - a b, 0), a and b >= 0: one instruction in float32."""
-    plain = 'return a * b < 1 ? 1 - a * b : 0;'
-
-    @wp.func_native(on_cuda(_ONE_LESS, plain) if real is wp.float32 else plain)
-    def left(a: real, b: real) -> real: ...
-
-    return left
-
-
-@lru_cache
-def exp2(real: Any) -> Any:
-    """Return the device function 2^x."""
-    cuda = 'return exp2f(x);' if real is wp.float32 else 'return exp2(x);'
-    log2 = f'wp::{real.__name__}(0.6931471805599453)'
-
-    @wp.func_native(on_cuda(cuda, f'return wp::exp({log2} * x);'))
-    def power(x: real) -> real: ...
-
-    return power
 
 
 @lru_cache
@@ -478,15 +371,3 @@ def raise_to(real: Any) -> Any:
     def raised(values: wp.array(dtype=real), i: int, value: real): ...
 
     return writing('values')(raised)
-
-
-@wp.func_native(_MARK_BITS)
-def mark_bits(values: wp.array2d(dtype=wp.int32), i: int, j: int, bits: int) -> int:
-    """Set bits of item [i, j], together with other threads; return how many are then set.
-
-    All threads of a launch see their own bits; the last one sees those of all.
-    """
-    ...
-
-
-writing('values')(mark_bits)

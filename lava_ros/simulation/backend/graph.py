@@ -10,9 +10,10 @@ process some hundred particles. With packed arguments a launch takes 15, and in 
 Between two kernels a GPU is idle for a microsecond while the results of the first are written and
 the threads of the second are started. With few particles, most of a stage is such idle time.
 NVIDIA's programmatic dependent launch starts the second kernel where threads of the first have
-finished, and lets it wait there (``compiled.after_the_former``) until all results are readable. In
-a graph this is a type of edge between two nodes, which Warp does not create: ``overlap`` replaces
-the edges to kernels that can wait. Graphs that allocate memory cannot be changed and stay as is.
+finished, and lets it wait there (``compiled.after_previous_kernel``) until all results are
+readable. In a graph this is a type of edge between two nodes, which Warp does not create:
+``overlap`` replaces the edges to kernels that can wait. Graphs that allocate memory cannot be
+changed and stay as is.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -25,7 +26,7 @@ from typing import Any, NamedTuple
 import warp as wp
 
 #: Maximum number of cached packed launches; they keep their arrays alive.
-MOST = 256
+MAX_CACHED = 256
 
 #: Held while a graph is captured and while a thread waits for an event: Warp refuses to wait
 #: during a capture, even by another thread.
@@ -126,12 +127,7 @@ class Launches:
             self.launched += 1
 
     def __call__(
-        self,
-        kernel: Any,
-        arguments: Sequence[Any],
-        *,
-        dim: int = 1,
-        block_dim: int | None = None,
+        self, kernel: Any, arguments: Sequence[Any], *, dim: int = 1, block_dim: int | None = None,
         is_over_particles: bool = False,
     ) -> None:
         """Launch the first ``dim`` threads of a ``compiled.quick_kernel``.
@@ -155,7 +151,7 @@ class Launches:
         key = (id(kernel), *map(id, arguments))
         kept = self._kept.get(key)
         if kept is None:
-            if len(self._kept) >= MOST:
+            if len(self._kept) >= MAX_CACHED:
                 self._kept.clear()
             # as long as they are kept alive no other object can have their ids
             kept = [dim, self._record(kernel, dim, arguments), kernel, arguments]

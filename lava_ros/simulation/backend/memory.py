@@ -4,9 +4,10 @@
 """Arrays that simulations share, allocation of many, a failed allocation, and readback."""
 
 from collections import deque
-from collections.abc import Callable, Collection, Hashable, Iterator, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
+import math
 from typing import Any
 from weakref import WeakValueDictionary
 
@@ -55,11 +56,11 @@ def bytes_per_cell(*kinds: Any, without: Collection[str] = ()) -> int:
     return sum(_size(one.dtype) for one in maps)
 
 
-def zeros(items: Mapping[str, tuple[Any, int]], device: Any) -> dict[str, Any]:
+def zeros(items: Mapping[str, tuple[Any, tuple[int, ...]]], device: Any) -> dict[str, Any]:
     """Allocate arrays of zeros in one block of memory, three times as fast as one by one.
 
     Args:
-        items: Type and number of items of each array, by name.
+        items: Type and shape of each array, by name.
         device: The Warp device.
 
     Returns:
@@ -70,44 +71,63 @@ def zeros(items: Mapping[str, tuple[Any, int]], device: Any) -> dict[str, Any]:
     """
     piece = _size(_PIECE)
     starts, end = {}, 0
-    for name, (dtype, count) in items.items():
+    for name, (dtype, shape) in items.items():
         starts[name] = end
-        end += -(-count * _size(dtype) // piece)
-    block = wp.zeros(end, dtype=_PIECE, device=device)
+        end += -(-math.prod(shape) * _size(dtype) // piece)
+    if wp.get_device(device).is_cuda:
+        block = wp.zeros(end, dtype=_PIECE, device=device)
+        first_piece = block.ptr
+    else:
+        # the system clears only pages that are used, and most of a terrain stays dry
+        block = np.zeros((end + 1) * piece, dtype=np.uint8)
+        first_piece = -(-block.ctypes.data // piece) * piece
     found = {}
-    for name, (dtype, count) in items.items():
-        first = block.ptr + starts[name] * piece
-        array = wp.array(ptr=first, dtype=dtype, shape=count, device=device)
+    for name, (dtype, shape) in items.items():
+        first = first_piece + starts[name] * piece
+        array = wp.array(ptr=first, dtype=dtype, shape=shape, device=device)
         array.block = block
         found[name] = array
     return found
 
 
-#: Arrays of ``shared_array`` that are in use, and the newest ones: those of two terrains, for
-#: members that run one after the other with partners on coarser ground.
+#: Objects that are shared and in use, and the newest: those of two terrains, for members that run
+#: one after the other with partners on coarser ground.
 _shared: WeakValueDictionary[tuple[Hashable, ...], Any] = WeakValueDictionary()
-_newest: deque[Any] = deque(maxlen=6)
+_newest: deque[Any] = deque(maxlen=8)
+
+
+def shared_object(make: Callable[..., Any], *key: Hashable) -> Any:
+    """Return what a function makes of a key, which must not be written to.
+
+    All callers with this key share it. It lives as long as one of them uses it, or it is one of
+    the newest.
+    """
+    name = make, *key
+    found = _shared.get(name)
+    if found is None:
+        found = _shared[name] = make(*key)
+        _newest.append(found)
+    return found
 
 
 def shared_array(
     values: Callable[[Any], np.ndarray], source: Hashable, dtype: Any, device: Any
 ) -> Any:
-    """Return the array of values of a source, which must not be written to.
-
-    All callers share it. It lives as long as one of them uses it, or it is one of the newest.
+    """Return the array of values of a source (``shared_object``).
 
     Args:
         values: Function of the source.
-        source: What the values belong to, such as a terrain.
+        source: The source, such as a terrain.
         dtype: Warp type of the array.
         device: The Warp device.
     """
-    key = values, source, dtype, str(device)
-    array = _shared.get(key)
-    if array is None:
-        array = _shared[key] = wp.array(values(source), dtype=dtype, device=device)
-        _newest.append(array)
-    return array
+    return shared_object(_array_of, values, source, dtype, str(device))
+
+
+def _array_of(
+    values: Callable[[Any], np.ndarray], source: Hashable, dtype: Any, device: str
+) -> Any:
+    return wp.array(values(source), dtype=dtype, device=device)
 
 
 def forget_failure(device: Any) -> None:
@@ -137,6 +157,25 @@ def read(array: Any) -> np.ndarray:
     wp.copy(host, array)
     wp.synchronize_stream(wp.get_stream(array.device))
     return host.numpy()
+
+
+def read_parts(maps: Sequence[Any], part: tuple[slice, slice]) -> np.ndarray:
+    """Copy some rows and columns of several maps of one type and shape to the host.
+
+    A GPU copies whole rows: a kernel that gathers others would wait for those of other streams.
+    """
+    rows, columns = part
+    if not maps[0].device.is_cuda:
+        return np.stack([one.numpy()[part] for one in maps])
+    width, height = maps[0].shape[1], max(rows.stop - rows.start, 0)
+    host = wp.empty((len(maps), height, width), dtype=maps[0].dtype, device='cpu')
+    size = height * width
+    for number, one in enumerate(maps):
+        if size:
+            wp.copy(host, one, number * size, rows.start * width, size)
+    wp.synchronize_stream(wp.get_stream(maps[0].device))
+    values: np.ndarray = host.numpy()[:, :, columns]
+    return values
 
 
 class Readback:

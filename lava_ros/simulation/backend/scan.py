@@ -123,9 +123,7 @@ _SCAN = """
 def _kernel(fours: int) -> Any:
     @wp.func_native(_SCAN.replace('FOURS', str(fours)).replace('THREADS', str(_THREADS)))
     def sum_up(
-        thread: int,
-        sizes: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
+        thread: int, sizes: wp.array(dtype=wp.int32), starts: wp.array(dtype=wp.int32),
         tiles: wp.array(dtype=wp.uint64),
     ): ...
 
@@ -133,9 +131,7 @@ def _kernel(fours: int) -> Any:
 
     @quick_kernel(writes='starts tiles')
     def scan(
-        thread: int,
-        sizes: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
+        thread: int, sizes: wp.array(dtype=wp.int32), starts: wp.array(dtype=wp.int32),
         tiles: wp.array(dtype=wp.uint64),
     ):
         """Sum all items before each item; on the CPU in one thread."""

@@ -87,10 +87,10 @@ def usable_cores(root: Path = _ROOT) -> int:
     """
     has_affinity = hasattr(os, 'sched_getaffinity')
     cores = len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
-    return max(1, min([cores, *map(math.ceil, _shares(root))]))
+    return max(1, min([cores, *map(math.ceil, _quotas(root))]))
 
 
-def _shares(root: Path) -> Iterator[float]:
+def _quotas(root: Path) -> Iterator[float]:
     """Yield the quota of each control group that holds this process and has one [cores]."""
     for folder, names in product(_groups(root), _FILES):
         try:
@@ -130,14 +130,8 @@ class Extent(Protocol):
 
 
 def launch_over(
-    state: Extent,
-    kernel: Any,
-    arguments: Sequence[Any],
-    *,
-    min_items: int = MIN_SUMS,
-    lanes: int = 1,
-    ahead: int = 0,
-    count: int | None = None,
+    state: Extent, kernel: Any, arguments: Sequence[Any], *, min_items: int = MIN_SUMS,
+    lanes: int = 1, ahead: int = 0, count: int | None = None,
 ) -> None:
     """Launch a kernel over the particles of a state, or ``count`` other items, such as cells.
 

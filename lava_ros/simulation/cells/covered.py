@@ -25,7 +25,7 @@ from lava_ros.simulation.output.covered_cells import WHOLE
 
 @wp.struct
 class Covered:
-    """What lava has covered of the terrain's cells (``layout.CELL_MAPS``).
+    """Ground of the terrain's cells that lava has covered (``layout.CELL_MAPS``).
 
     ``scale`` is the number of the solver's cells along a side of a terrain's cell, a power of two.
     """
@@ -42,8 +42,9 @@ class Covered:
 
 
 _NOTE = """{
-    const long w = s.stride, rows = c.rows, columns = c.columns;
-    const float scale = c.scale, least = c.threshold;
+    const long w = s.stride, rows = record.rows, columns = record.columns;
+    const float scale = record.scale, threshold = record.threshold;
+    float* arrived = record.arrived.data;
     const float* y = s.stage.data;
     const double* source = s.source.data;
     const float time = (float)s.clock.data[0];
@@ -58,7 +59,7 @@ _NOTE = """{
     const long right = clamped(of(s.box.data[3]), 0, columns - 1);
     SHARED
     auto extend = [&](int place, long value) {
-        if (value > c.bounds.data[place]) c.bounds.data[place] = (int)value;
+        if (value > record.bounds.data[place]) record.bounds.data[place] = (int)value;
     };
     if (is_first)
         extend(0, rows - top), extend(1, bottom + 1), extend(2, columns - left),
@@ -104,21 +105,21 @@ _NOTE = """{
         to = clamped(of(to), left, right);
         for (long j = from + lane; j <= to; j += lanes) {
             const long cell = i * columns + j;
-            int bits = c.covered.data[cell];
-            if (bits == WHOLE || !c.known.data[cell]) continue;
+            int bits = record.covered.data[cell];
+            if (bits == WHOLE || !record.known.data[cell]) continue;
             const long q_0 = column_of(place_of(j, 0)), q_1 = column_of(place_of(j, PARTS - 1));
             bool is_touched = false;
             for (long r = r_0; r <= r_1; ++r)
                 for (long q = q_0; q <= q_1; ++q) {
-                    if (y[r * w + q] < least) continue;
+                    if (y[r * w + q] < threshold) continue;
                     is_touched = true;
                     bits |= covered_by(i, j, r, q);
                 }
             if (!is_touched) continue;
-            c.covered.data[cell] = bits;
-            if (c.arrived.data[cell] < 0.0f) c.arrived.data[cell] = time;
-            if (counted(bits) >= HALF && c.half_inundated.data[cell] < 0.0f)
-                c.half_inundated.data[cell] = time;
+            record.covered.data[cell] = bits;
+            if (arrived[cell] < 0.0f) arrived[cell] = time;
+            if (counted(bits) >= HALF && record.half_inundated.data[cell] < 0.0f)
+                record.half_inundated.data[cell] = time;
         }
     }
     if (is_first_warp)
@@ -128,7 +129,7 @@ _NOTE = """{
             if (source[i * w + j] <= 0.0 || row < 0 || row >= rows || column < 0
                 || column >= columns) continue;
             const long cell = row * columns + column;
-            if (c.known.data[cell] && c.arrived.data[cell] < 0.0f) c.arrived.data[cell] = time;
+            if (record.known.data[cell] && arrived[cell] < 0.0f) arrived[cell] = time;
         }
 }"""
 
@@ -147,6 +148,6 @@ def note_function(blocks: int = 1) -> Any:
         code = code.replace(name, str(value))
 
     @wp.func_native(code)
-    def note(s: Cells, c: Covered): ...
+    def note(s: Cells, record: Covered): ...
 
     return note

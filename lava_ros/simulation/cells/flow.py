@@ -30,8 +30,8 @@ from lava_ros.effects.column import column_type
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
 from lava_ros.simulation.cells import flow_source
 from lava_ros.simulation.cells.spans import COLUMNS, spans_function
-from lava_ros.simulation.cells.state import Cells, FaceLaw, TARGET, TIME
-from lava_ros.simulation.cells.threads import shared, THREADS
+from lava_ros.simulation.cells.state import Cells, FaceLaw
+from lava_ros.simulation.cells.threads import CLEAR, shared, SLOTS
 
 #: Maximum number of stages of a step.
 MAX_STAGES = 99
@@ -127,10 +127,9 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
     parts = {
         'SHARED': shared(blocks),
         'COLUMNS': COLUMNS,
-        'SLOTS': flow_source.SLOTS,
-        'CLEAR_OWN': flow_source.CLEAR.replace('WHICH', 'slots'),
-        'CLEAR': flow_source.CLEAR.replace('WHICH', 'others'),
-        'LOST': flow_source.LOST,
+        'SLOTS': SLOTS,
+        'CLEAR_OWN': CLEAR.replace('WHICH', 'slots'),
+        'CLEAR': CLEAR.replace('WHICH', 'others'),
         'FLUX': ''.join(faces),
         'HELD': '0.0f' if law is None else 'held[p]',
         'FLUID': 'fluid' if is_uniform else own,
@@ -165,24 +164,3 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
         take_step(s)
 
     return step
-
-
-@lru_cache
-def step_kernel(effects: Effects, *, is_uniform: bool = True, blocks: int = 1) -> Any:
-    """Return the kernel that takes steps of lava whose viscosity does not change.
-
-    It ends at ``clock[TARGET]``, or after a number of steps.
-    """
-    step = step_function(effects, is_uniform=is_uniform, blocks=blocks)
-
-    @wp.kernel(
-        module='unique', enable_backward=False, grid_stride=False, cluster_dim=blocks,
-        launch_bounds=THREADS, module_options={'enable_backward': False},
-    )
-    def take_steps(s: Cells, most: int):
-        for _ in range(most):
-            if s.clock[TIME] >= s.clock[TARGET]:
-                break
-            step(s)
-
-    return take_steps

@@ -15,9 +15,9 @@ NEWTONIAN_FACE = """
 #: The same by a law: its fluidity [1/(Pa s)] and yield strength [Pa].
 LAW_FACE = """
     auto face_of = [&](long p, long q, const float*, float* mobility, float* held) {
-        const float a = y[p], b = y[q], share = 1.0f / (a + b + 1e-30f);
-        mobility[p] = (a * fluidity[p] + b * fluidity[q]) * share;
-        held[p] = (a * strength[p] + b * strength[q]) * share;
+        const float a = y[p], b = y[q], inverse = 1.0f / (a + b + 1e-30f);
+        mobility[p] = (a * fluidity[p] + b * fluidity[q]) * inverse;
+        held[p] = (a * strength[p] + b * strength[q]) * inverse;
     };
 """
 
@@ -33,8 +33,8 @@ NEWTONIAN = """
         f.sum = a + b;
         f.rate = mobility * f.sum * (a * a + b * b);
         f.stiff = stiffened(f.rate, f.fall, a, b);
-        f.most = most * a;
-        f.least = -most * b;
+        f.max_flux = max_rate * a;
+        f.min_flux = -max_rate * b;
         return f;
     };
 """
@@ -57,16 +57,16 @@ BY_LAW = """
         const float across = -0.25f * per_cell * (
             fall_of(p - side, p, beside) + fall_of(p, p + side, beside)
             + fall_of(q - side, q, beside) + fall_of(q, q + side, beside));
-        const float share = 1.0f / (f.sum + 1e-30f);
+        const float inverse = 1.0f / (f.sum + 1e-30f);
         const auto speed = LAW(
             s.law, s.weight, 0.5f * f.sum, -f.fall * per_cell, across, -drop * per_cell, cross[p],
             mobility, held);
         // mean of h^3 over the cube of the mean
-        const float mean = per_cell * per_cell * (a * a + b * b) * share;
+        const float mean = per_cell * per_cell * (a * a + b * b) * inverse;
         f.rate = f.sum > 0.0f ? mean * speed[0] : 0.0f;
         f.stiff = stiffened(f.sum > 0.0f ? mean * speed[1] : 0.0f, f.fall, a, b);
-        f.most = most * a;
-        f.least = -most * b;
+        f.max_flux = max_rate * a;
+        f.min_flux = -max_rate * b;
         return f;
     };
 """
@@ -77,7 +77,7 @@ STEP = """
     const long top = box[0], bottom = box[1], left = box[2], right = box[3];
     SHARED
     COLUMNS
-    struct Flux { float fall, sum, rate, stiff, most, least; };
+    struct Flux { float fall, sum, rate, stiff, max_flux, min_flux; };
     const long w = s.stride, last_row = s.rows - 2, last_column = s.stride - 2;
     float* APART y = s.stage.data;
     double* APART h = s.thickness.data;
@@ -141,7 +141,7 @@ STEP = """
         const float part = larger(fall * a, -fall * b) / (thick * thick);
         return rate * larger(part, 1.0f);
     };
-    float most = 0.0f;
+    float max_rate = 0.0f;
     FLUX
     // nothing passes the faces at the ends of the spans
     for (long i = top; is_serial && i <= bottom; ++i) {
@@ -185,7 +185,7 @@ STEP = """
     raise(slots + STIFF, stiff);
     together();
     CLEAR
-    most = __builtin_bit_cast(float, raised(slots + STIFF));
+    max_rate = __builtin_bit_cast(float, raised(slots + STIFF));
     const bool is_open = !raised(slots + CLOSED);
     for (long i = first_of(top); i <= last_of(bottom); i += lines)
         faces_of(i, [&](int axis, long from, long to, long next, long side,
@@ -199,7 +199,7 @@ STEP = """
             for (long p = from; p <= to; p += lanes) {
                 const Flux f = flux_of(
                     p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
-                const float amount = larger(smaller(f.rate * f.fall, f.most), f.least);
+                const float amount = larger(smaller(f.rate * f.fall, f.max_flux), f.min_flux);
                 first[p] = amount;
                 const float part = 2.0f / (f.sum + 1000.0f * film);
                 const float steep = part * (f.fall < 0.0f ? -f.fall : f.fall);
@@ -223,7 +223,7 @@ STEP = """
     if (step > until - time) step = until - time;
     // lava that comes out makes it stiffer within the step
     const double grown = thickest > 0.0 ? 1.0 + poured * step / thickest : 1.0;
-    const double stiffness = 4.0 * most * grown * grown * grown + 1e-30;
+    const double stiffness = 4.0 * max_rate * grown * grown * grown + 1e-30;
     auto reach = [](int n) { return STABLE * 0.25 * (n * n + n - 2.0); };
     int stages = 3;
     while (stages < MAX_STAGES && reach(stages) < step * stiffness) stages += 2;
@@ -237,7 +237,7 @@ STEP = """
         CLEAR_OWN
         return;
     }
-    most = (float)(0.25 * stiffness);
+    max_rate = (float)(0.25 * stiffness);
 
     const double w1 = 4.0 / (stages * stages + stages - 2.0);
     double b = 1.0 / 3.0, former_b = b, poured_1 = 0.0, poured_2 = 0.0;
@@ -285,7 +285,7 @@ STEP = """
                 for (long p = from; p <= to; p += lanes) {
                     const Flux f = flux_of(
                         p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
-                    const float amount = larger(smaller(f.rate * f.fall, f.most), f.least);
+                    const float amount = larger(smaller(f.rate * f.fall, f.max_flux), f.min_flux);
                     older[p] = m * newer[p] + v * older[p] + t * amount + t0 * first[p];
                 }
             });
@@ -405,29 +405,7 @@ STEP = """
     raise(slots + WEST, (int)(left + 2 - wet[2]));
     raise(slots + EAST, (int)(wet[3] - right + 2));
     together();
-    LOST
-    if (is_first) {
-        wet[0] = top + 2 - raised(slots + SOUTH), wet[1] = bottom - 2 + raised(slots + NORTH);
-        wet[2] = left + 2 - raised(slots + WEST), wet[3] = right - 2 + raised(slots + EAST);
-        box[0] = wet[0] > 2 ? wet[0] - 2 : 0;
-        box[1] = wet[1] + 2 < s.rows ? wet[1] + 2 : s.rows - 1;
-        box[2] = wet[2] > 2 ? wet[2] - 2 : 0;
-        box[3] = wet[3] + 2 < w ? wet[3] + 2 : w - 1;
-        s.peaks.data[0] = __builtin_bit_cast(float, raised(slots + HIGHEST));
-        s.peaks.data[1] = stiffness;
-        clock[0] = step < until - time ? time + step : until;
-        clock[1] = step;
-        clock[5] = full;
-        ++counts[0];
-        counts[1] += stages;
-        counts[2] = stages;
-        counts[3] += was_overdrawn;
-    }
-    together();
-"""
-
-#: Volume that has left over the border, and on cells outside of the ground; one warp sums it.
-LOST = """
+    // volume that has left over the border, and on cells outside of the ground; one warp sums it
     if (is_first_warp) {
         double out = 0.0, sums[3] = {0.0, 0.0, 0.0};
         const Span south = cells_of(row_0), north = cells_of(row_1);
@@ -449,20 +427,22 @@ LOST = """
             if (thread == 0) s.left.data[n] += sums[n];
         }
     }
-"""
-
-#: Maxima of a step (CUDA: of all threads, in memory that the next step clears).
-SLOTS = """
-#if defined(__CUDA_ARCH__)
-    int* slots = s.slots.data + (counts[0] & 1) * 16;
-    int* others = s.slots.data + (1 - (counts[0] & 1)) * 16;
-#else
-    int slots[16] = {0};
-#endif
-"""
-
-CLEAR = """
-#if defined(__CUDA_ARCH__)
-    if (rank == 0 && threadIdx.x < 16) WHICH[threadIdx.x] = 0;
-#endif
+    if (is_first) {
+        wet[0] = top + 2 - raised(slots + SOUTH), wet[1] = bottom - 2 + raised(slots + NORTH);
+        wet[2] = left + 2 - raised(slots + WEST), wet[3] = right - 2 + raised(slots + EAST);
+        box[0] = wet[0] > 2 ? wet[0] - 2 : 0;
+        box[1] = wet[1] + 2 < s.rows ? wet[1] + 2 : s.rows - 1;
+        box[2] = wet[2] > 2 ? wet[2] - 2 : 0;
+        box[3] = wet[3] + 2 < w ? wet[3] + 2 : w - 1;
+        s.peaks.data[0] = __builtin_bit_cast(float, raised(slots + HIGHEST));
+        s.peaks.data[1] = stiffness;
+        clock[0] = step < until - time ? time + step : until;
+        clock[1] = step;
+        clock[5] = full;
+        ++counts[0];
+        counts[1] += stages;
+        counts[2] = stages;
+        counts[3] += was_overdrawn;
+    }
+    together();
 """

@@ -4,6 +4,7 @@
 """The solver's grid: cells of 2^k times the size of a terrain's, and maps between both."""
 
 from functools import lru_cache
+import math
 
 import numpy as np
 
@@ -47,21 +48,36 @@ def fraction_with_data(terrain: Terrain, grid: Terrain) -> np.ndarray | None:
     return None if (fraction == 1.0).all() else fraction
 
 
-def on_terrain(
-    values: np.ndarray, grid: Terrain, terrain: Terrain, part: tuple[slice, slice]
-) -> np.ndarray:
-    """Return a map of the solver's cells on some of the terrain's, with the same sum of volume.
+#: Rows and columns of a map.
+Part = tuple[slice, slice]
 
-    ``part`` are the rows and columns of the terrain.
-    """
+
+def cells_under(part: Part, grid: Terrain, terrain: Terrain) -> Part:
+    """Return the rows and columns of the solver's cells under some of the terrain's."""
+    scale = terrain.resolution / grid.resolution
+    rows, columns = (
+        slice(math.floor(one.start * scale), min(math.ceil(one.stop * scale), count))
+        for one, count in zip(part, grid.shape, strict=True)
+    )
+    return rows, columns
+
+
+def within_ring(part: Part) -> Part:
+    """Return the rows and columns of a part in maps with a ring of one cell."""
+    rows, columns = (slice(one.start + 1, one.stop + 1) for one in part)
+    return rows, columns
+
+
+def on_terrain(values: np.ndarray, grid: Terrain, terrain: Terrain, part: Part) -> np.ndarray:
+    """Return values of ``cells_under`` a part on the terrain's cells, with the same volume."""
     ratio = round(terrain.resolution / grid.resolution)
     if np.array_equal(np.multiply(terrain.shape, ratio), grid.shape):
-        rows, columns = (slice(ratio * one.start, ratio * one.stop) for one in part)
         shape = [number for one in part for number in (one.stop - one.start, ratio)]
-        return values[rows, columns].reshape(shape).mean(axis=(1, 3))
+        return values.reshape(shape).mean(axis=(1, 3))
     # a larger cell of an odd side continues beyond the terrain
     ratio = round(grid.resolution / terrain.resolution)
-    return values[np.ix_(*(np.arange(one.start, one.stop) // ratio for one in part))]
+    places = (np.arange(one.start, one.stop) // ratio - one.start // ratio for one in part)
+    return values[np.ix_(*places)]
 
 
 def deposit(

@@ -9,9 +9,13 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
+from lava_ros.scene import Terrain
+from lava_ros.simulation.backend.memory import shared_array, shared_object, zeros
+from lava_ros.simulation.cells.heat import HeatState
 from lava_ros.simulation.cells.spans import WITHIN
-from lava_ros.simulation.cells.state import Cells, Heat
+from lava_ros.simulation.cells.state import Cells, CellState, FACES, Heat
 from lava_ros.simulation.cells.threads import shared, THREADS
+from lava_ros.simulation.particles.terrain import ringed_heights
 
 #: Faces of rows by the ground with the solidified lava: of all, or beside one that is marked.
 _RAISE = """
@@ -101,17 +105,47 @@ def _ground_kernel(factor: Any) -> Any:
     return lay
 
 
-def lay_ground(cells: Any, heat: Any, effects: Effects) -> None:
+class _BareFaces:
+    """Faces by the ground without solidified lava, which simulations share."""
+
+    def __init__(self, terrain: Terrain, factor: Any, device: str) -> None:
+        shape = tuple(number + 2 for number in terrain.shape)
+        maps = dict.fromkeys(FACES, (wp.float32, shape))
+        self.arrays = zeros({**maps, 'frozen': (wp.float64, shape)}, device)
+        cells, heat = Cells(), Heat()
+        (cells.rows, cells.stride), cells.cell = shape, terrain.resolution
+        heat.elevation = shared_array(ringed_heights, terrain, wp.float64, device)
+        heat.frozen = self.arrays.pop('frozen')
+        for name, array in self.arrays.items():
+            setattr(cells, name, array)
+        _lay(cells, heat, factor)
+
+
+def _lay(cells: Any, heat: Any, factor: Any) -> None:
+    device = heat.elevation.device
+    wp.launch(
+        _ground_kernel(factor), dim=THREADS if device.is_cuda else 1, block_dim=THREADS,
+        inputs=[cells, heat], device=device,
+    )
+
+
+def lay_ground(
+    state: CellState, heat: HeatState, effects: Effects, *, is_bare: bool = False
+) -> None:
     """Make all faces fit the ground with the solidified lava.
 
     Args:
-        cells: Argument of kernels (``Cells``).
-        heat: The same (``Heat``).
+        state: The flow, whose faces are replaced if it does not own them.
+        heat: The solidified lava.
         effects: The effects that are on.
+        is_bare: True if there is no solidified lava.
     """
-    device = heat.elevation.device
-    wp.launch(
-        _ground_kernel(effects.function('factor', wp.float32)),
-        dim=THREADS if device.is_cuda else 1, block_dim=THREADS, inputs=[cells, heat],
-        device=device,
-    )
+    factor = effects.function('factor', wp.float32)
+    bare = shared_object(_BareFaces, state.terrain, factor, str(state.device))
+    is_shared = is_bare and not effects.any('freezes')
+    for name, array in bare.arrays.items():
+        # steps write to them where lava solidifies
+        setattr(state, name, array if is_shared else wp.clone(array))
+    state.ground = bare
+    if not is_bare:
+        _lay(state.argument(), heat.argument(), factor)

@@ -60,7 +60,7 @@ class HeatState:
     def on(
         cls, cells: CellState, scene: Scene, effects: Effects, thickness: float
     ) -> 'HeatState':
-        """Return the state of lava that has the temperature of the hottest vent everywhere.
+        """Return the state without lava, whose temperature is 0.
 
         Args:
             cells: State of the flow.
@@ -76,22 +76,18 @@ class HeatState:
         diffusivity = 0.0
         if 'conduction' in effects:
             diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
-        state = cls(
+        return cls(
             law_of(lava, _REAL), heat_of(scene, effects, _REAL), diffusivity, EDGE * thickness,
             **arrays,
         )
-        hottest = hottest_of(scene)
-        state.temperature.fill_(hottest)
-        state.vent_temperature.fill_(hottest)
-        return state
 
     def longest_step(self, cell: float) -> float:
         """Return the longest step in which a cell [m] conducts at most half of its heat [s]."""
         return math.inf if self.diffusivity == 0.0 else cell**2 / (8.0 * self.diffusivity)
 
-    def argument(self) -> Any:
-        """Return the argument of functions."""
-        heat = Heat()
+    def argument(self, heat: Any = None) -> Any:
+        """Return the argument of functions: ``heat``, or a new one."""
+        heat = heat or Heat()
         for item in fields(self):
             setattr(heat, item.name, getattr(self, item.name))
         return heat

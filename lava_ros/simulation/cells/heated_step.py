@@ -52,13 +52,13 @@ _TRANSPORT = """
     const float* APART gx = s.flux_x.data;
     const float* APART gy = s.flux_y.data;
     const double* APART source = s.source.data;
-    auto least = [](float a, float b) { return a < b ? a : b; };
-    auto most = [](float a, float b) { return a > b ? a : b; };
+    auto smaller = [](float a, float b) { return a < b ? a : b; };
+    auto larger = [](float a, float b) { return a > b ? a : b; };
     // 0 where the differences behind and ahead differ in sign
     auto limited = [&](float behind, float ahead) {
         const float third = (behind + 2.0f * ahead) * (1.0f / 3.0f);
-        return most(0.0f, least(third, 2.0f * least(behind, ahead)))
-            + least(0.0f, most(third, 2.0f * most(behind, ahead)));
+        return larger(0.0f, smaller(third, 2.0f * smaller(behind, ahead)))
+            + smaller(0.0f, larger(third, 2.0f * larger(behind, ahead)));
     };
     struct Value { float lava, value; };
     // what g brings into a cell, from a neighbour or by leaving it: behind the neighbour is
@@ -71,7 +71,7 @@ _TRANSPORT = """
         const float has = comes ? next.lava : lava;
         const float has_back = comes ? beyond.lava : opposite.lava;
         const float has_ahead = comes ? lava : next.lava;
-        const float stays = 1.0f - least(1.0f, (comes ? g : -g) / most(has, 1e-9f));
+        const float stays = 1.0f - smaller(1.0f, (comes ? g : -g) / larger(has, 1e-9f));
         const float slope = 0.5f * stays * limited(given - back, ahead - given);
         return g * (given + (has_back > film && has_ahead > film ? slope : 0.0f));
     };
@@ -102,10 +102,10 @@ _TRANSPORT = """
             const float b = from_east > 0.0f ? east.value : 0.0f;
             const float c = from_below > 0.0f ? below.value : 0.0f;
             const float d = from_above > 0.0f ? above.value : 0.0f;
-            const float low = least(least(least(a, b), least(c, d)), least(own, 0.0f));
-            const float high = most(most(most(a, b), most(c, d)), most(own, 0.0f));
+            const float low = smaller(smaller(smaller(a, b), smaller(c, d)), smaller(own, 0.0f));
+            const float high = larger(larger(larger(a, b), larger(c, d)), larger(own, 0.0f));
             const float h = (float)after[p];
-            float moved = least(most(total / most(h, 1e-9f), low), high);
+            float moved = smaller(larger(total / larger(h, 1e-9f), low), high);
             CONDUCTION
             change[p] = h > 0.0f ? moved : 0.0f;
         }
@@ -141,7 +141,7 @@ _CONDUCTION = """
                 return both > 0.0f ? spread * v.lava * lava / both * v.value : 0.0f;
             };
             moved += (conducted(west) + conducted(east) + conducted(below) + conducted(above))
-                / most(h, 1e-9f);
+                / larger(h, 1e-9f);
 """
 
 #: Height by which the lava of a cell falls: that of the potential energy lost at its faces.
@@ -153,7 +153,7 @@ _FALL = """
         const float a = (float)after[p], b = (float)after[q];
         const float fall = drop + 0.5f * (before[p] + a - before[q] - b);
         // what has left both cells takes its heat with it
-        return g * fall / most(most(a + b, g > 0.0f ? g : -g), 1e-9f);
+        return g * fall / larger(larger(a + b, g > 0.0f ? g : -g), 1e-9f);
     };
 """
 _DESCENT = """
@@ -201,8 +201,8 @@ _EXCHANGE = """
             // the edge of a front is thicker than its mean over the cell (covered.py)
             const float beside = larger(larger(y[p - 1], y[p + 1]), larger(y[p - w], y[p + w]));
             // and so is lava that comes out of a vent
-            const float least = source[p] > 0.0 ? m.emerging : film;
-            column.thickness = larger(larger(h, least), EDGE * beside);
+            const float thinnest = source[p] > 0.0 ? m.emerging : film;
+            column.thickness = larger(larger(h, thinnest), EDGE * beside);
             column.normal_thickness = column.thickness;
             column.slope = 0.0f, column.speed = 0.0f, column.drop = 0.0f, column.age = 0.0f;
             COSINE
@@ -224,7 +224,7 @@ _EXCHANGE = """
     together();
 """
 
-#: What a column needs by the effects that are on; ``CALL`` is the device function of each.
+#: Parts of the loop that effects need; ``CALL`` is the device function of each.
 _PARTS = {
     'COSINE': """
         const float down_x = -0.5f * per_cell * (drop_x[p - 1] + drop_x[p]);

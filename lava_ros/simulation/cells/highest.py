@@ -30,8 +30,8 @@ _RAISE = """{
     const float* APART y = s.stage.data;
     const double* APART frozen = m.frozen.data;
     const double* APART warmth = m.temperature.data;
-    float* APART thickness = k.thickness.data;
-    float* APART temperature = k.temperature.data;
+    float* APART thickness = highest.thickness.data;
+    float* APART temperature = highest.temperature.data;
     for (long i = first_of(top); i <= last_of(bottom); i += lines)
         for (long p = i * w + first_column(i) + lane; p <= i * w + last_column(i); p += lanes) {
             const float total = y[p] + (float)frozen[p];
@@ -50,6 +50,6 @@ def raise_function(blocks: int = 1) -> Any:
     """
 
     @wp.func_native(_RAISE.replace('SHARED', shared(blocks)).replace('WITHIN', WITHIN))
-    def raise_peaks(s: Cells, m: Heat, k: Highest): ...
+    def raise_peaks(s: Cells, m: Heat, highest: Highest): ...
 
     return raise_peaks

@@ -3,7 +3,7 @@
 
 """The lava of a simulation on cells: its arrays, and what others read of them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 import math
 from typing import Any
@@ -16,9 +16,17 @@ from lava_ros.effects.laws import Rheology
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
-from lava_ros.simulation.backend.memory import bytes_per_cell
+from lava_ros.simulation.backend.memory import bytes_per_cell, read, read_parts
 from lava_ros.simulation.cells.covered import Covered
-from lava_ros.simulation.cells.grid import doublings_of, fraction_with_data, grid_of, on_terrain
+from lava_ros.simulation.cells.grid import (
+    cells_under,
+    doublings_of,
+    fraction_with_data,
+    grid_of,
+    on_terrain,
+    Part,
+    within_ring,
+)
 from lava_ros.simulation.cells.ground import lay_ground
 from lava_ros.simulation.cells.heat import HeatState, hottest_of
 from lava_ros.simulation.cells.highest import Highest
@@ -27,6 +35,7 @@ from lava_ros.simulation.cells.state import (
     Cells,
     CellState,
     EVALUATIONS,
+    FACES,
     FULL,
     Heat,
     STAGES,
@@ -121,14 +130,14 @@ class CellLava:
 
     @staticmethod
     def bytes_for(scene: Scene, effects: Effects, accuracy: Accuracy, volume: float) -> int:
-        """Return the memory of a simulation and its peaks, as ``ParticleLava.bytes_for``."""
-        del effects, volume
+        """Return the memory of a simulation without lava, as ``ParticleLava.bytes_for``."""
+        del volume
         assert accuracy.spacing is not None
         terrain, scale = scene.terrain, 2.0 ** -doublings_of(scene.terrain, accuracy.spacing)
         own = math.prod(scale * side + 2.0 for side in terrain.shape)
         per_cell = bytes_per_cell(Covered, without=_SHARED)
-        per_cell += Peaks.COUNT * np.dtype(np.float32).itemsize
-        own *= bytes_per_cell(Cells, Heat, Highest, without=_SHARED)
+        shared = _SHARED if effects.any('freezes') else (*_SHARED, *FACES)
+        own *= bytes_per_cell(Cells, Heat, Highest, without=shared)
         return math.ceil(own) + terrain.elevation.size * per_cell
 
     def _place_terrain(self) -> None:
@@ -147,6 +156,7 @@ class CellLava:
         self._grids: Any = None
         self.window = Window(terrain.shape, 2)
         self._known = known_on(terrain, self.device)
+        self._rows_with_vents = 0
 
     def new_heat(self) -> HeatState:
         """Return the heat of the grid, without lava, for the current scene and effects."""
@@ -160,9 +170,19 @@ class CellLava:
         whole = slice(0, rows), slice(0, columns)
         solid = None
         if not self._is_bare:
-            solid = self._on_terrain(_inner(self.heat.frozen), whole)
+            (solid,) = self._read_on_terrain([self.heat.frozen], whole)
         self.covered.move(terrain, solid, self.accuracy.inundation_threshold)
         self.covered.attach(self._maps)
+
+    def _part_with_lava(self) -> Part:
+        """Return rows and columns of maps with their ring, outside of which there is no lava."""
+        ends = self._ends_at_start
+        if self.steps:
+            # no window before: the first step finds it
+            low, high = read(self.state.box).reshape(2, 2).T
+            ends = np.array([np.minimum(ends[0], low), np.maximum(ends[1], high + 1)])
+        rows, columns = ends.T.tolist()
+        return slice(*rows), slice(*columns)
 
     def columns(self) -> Columns:
         """Copy the lava."""
@@ -170,18 +190,21 @@ class CellLava:
         arrays = self.state.thickness, heat.temperature, heat.emission_time, heat.frozen
         return Columns(*(_inner(array).copy() for array in arrays))
 
-    def bare_columns(self) -> Columns:
-        """Return columns without lava."""
-        nothing, hottest = np.zeros(self.grid.shape), hottest_of(self.scene)
-        return Columns(nothing, np.full(self.grid.shape, hottest), nothing, nothing)
+    def start_bare(self) -> None:
+        """Begin without lava and solidified lava, in new arrays."""
+        #: Temperatures of the lava [K], and the window in which it is.
+        self._temperatures: set[float] = set()
+        self._lava_box = np.array([0, -1, 0, -1], dtype=np.int32)
+        self._is_bare = True
+        #: First and end of rows and columns with any lava at the start, [2, 2].
+        self._ends_at_start = np.array([np.add(self.grid.shape, 2), [0, 0]])
+        lay_ground(self.state, self.heat, self.effects, is_bare=True)
+        self._warm(hottest_of(self.scene))
 
-    def put(self, lava: Columns, *, is_first: bool = False) -> None:
-        """Replace the lava and the ground that it has become.
-
-        ``is_first`` means that there has been no lava and there is none.
-        """
+    def put(self, lava: Columns) -> None:
+        """Replace the lava and the ground that it has become."""
         state, heat = self.state, self.heat
-        for values, arrays in () if is_first else (
+        for values, arrays in (
             (lava.thickness, (state.thickness, state.stage, heat.former)),
             (lava.solidified, (heat.frozen,)),
         ):
@@ -191,33 +214,34 @@ class CellLava:
                 else:
                     array.zero_()
         is_wet = lava.thickness > 0.0
-        #: Temperatures of the lava [K], and the window in which it is.
         self._temperatures = set(np.unique(lava.temperature[is_wet]).tolist())
         rows, columns = box_of(lava.thickness > self._film)
         ends = rows.start, rows.stop - 1, columns.start, columns.stop - 1
         self._lava_box = np.array(ends, dtype=np.int32)
-        if not is_first:
-            _fill(heat.emission_time, lava.emission_time)
-        self._is_bare = not (is_wet.any() or lava.solidified.any())
+        _fill(heat.emission_time, lava.emission_time)
+        rows, columns = box_of(is_wet | (lava.solidified > 0.0))
+        self._ends_at_start = np.array([[rows.start, columns.start], [rows.stop, columns.stop]])
+        self._ends_at_start += 1
+        is_solid = bool(lava.solidified.any())
+        self._is_bare = not (is_wet.any() or is_solid)
         self.thickest = float(lava.thickness.max(initial=0.0))
         state.peaks.assign([self.thickest, 0.0])
-        lay_ground(state.argument(), heat.argument(), self.effects)
+        lay_ground(state, heat, self.effects, is_bare=not is_solid)
         self._warm(lava.temperature)
 
-    def _warm(self, temperature: np.ndarray) -> None:
-        """Write temperature [K], shape [rows, columns], and viscosity and yield strength by it."""
+    def _warm(self, temperature: np.ndarray | float) -> None:
+        """Write temperature [K], a map or a number, and viscosity and yield strength by it."""
+        #: What has been written, if it is a number.
+        self._warmth = temperature if isinstance(temperature, float) else None
         rheology, state = Rheology(self.scene.lava, self.effects), self.state
         _fill(self.heat.temperature, temperature)
-        found, which = np.array([temperature.flat[0]]), None
-        if (temperature != found[0]).any():
-            found, which = np.unique(temperature.astype(np.float32), return_inverse=True)
+        found, which = np.unique(np.float32(temperature), return_inverse=True)
         for array, law in (
             (state.fluidity, lambda one: 1.0 / rheology.viscosity_at(one)),
             (state.strength, rheology.strength_at),
         ):
-            values = np.array([law(float(np.float32(one))) for one in found], dtype=np.float32)
-            where = 0 if which is None else which.reshape(temperature.shape)
-            _fill(array, np.broadcast_to(values[where], temperature.shape))
+            values = np.array([law(one) for one in found.tolist()], dtype=np.float32)
+            _fill(array, values[which].reshape(np.shape(temperature)))
 
     @property
     def time(self) -> float:
@@ -232,7 +256,8 @@ class CellLava:
     @property
     def count(self) -> int:
         """Number of cells with lava that flows."""
-        count = int((self.state.thickness.numpy() > self._film).sum())
+        (thickness,) = read_parts([self.state.thickness], self._part_with_lava())
+        count = int((thickness > self._film).sum())
         self.most_particles = max(self.most_particles, count)
         return count
 
@@ -263,11 +288,17 @@ class CellLava:
         """Record the ground that lava covers now, if that is due."""
         raise NotImplementedError
 
-    def _on_terrain(self, values: np.ndarray, part: tuple[slice, slice]) -> np.ndarray:
-        """Return a map on some of the terrain's cells, with all lava where there are data."""
+    def _on_terrain(self, values: np.ndarray, part: Part) -> np.ndarray:
+        """Return values of ``cells_under`` a part on it, with all lava where there are data."""
+        grid, terrain = self.grid, self.scene.terrain
         if self._fraction_with_data is not None:
-            values = values / self._fraction_with_data
-        return on_terrain(values, self.grid, self.scene.terrain, part)
+            values = values / self._fraction_with_data[cells_under(part, grid, terrain)]
+        return on_terrain(values, grid, terrain, part)
+
+    def _read_on_terrain(self, maps: Sequence[Any], part: Part) -> list[np.ndarray]:
+        """Copy some of the terrain's cells of maps that hold volumes per area."""
+        cells = within_ring(cells_under(part, self.grid, self.scene.terrain))
+        return [self._on_terrain(values, part) for values in read_parts(maps, cells)]
 
     def draw_maps(self) -> Any:
         """Write and return ``grids``."""
@@ -275,8 +306,9 @@ class CellLava:
         # lava is nowhere else
         part = self.window.rectangle(self._maps)
         heat, terrain = self.heat, self.scene.terrain
-        thickness, temperature, frozen = (
-            _inner(array) for array in (self.state.thickness, heat.temperature, heat.frozen)
+        thickness, temperature, frozen = read_parts(
+            [self.state.thickness, heat.temperature, heat.frozen],
+            within_ring(cells_under(part, self.grid, terrain)),
         )
         flowing, solid, warmth = (
             self._on_terrain(values, part)
@@ -311,11 +343,11 @@ class CellLava:
     def budget(self) -> VolumeBudget:
         """Return the budget of the lava's volume."""
         area = self.grid.resolution**2
-        left = self.state.left.numpy() * area
+        left, maps = read(self.state.left) * area, [self.state.thickness, self.heat.frozen]
+        held, frozen = read_parts(maps, self._part_with_lava()).sum(axis=(1, 2)) * area
         return VolumeBudget(
             emitted=self.volume_before + self.vents.emitted(self.time),
-            held=float(self.state.thickness.numpy().sum()) * area, pending=0.0,
-            left=float(left.sum()), frozen=float(self.heat.frozen.numpy().sum()) * area,
+            held=float(held), pending=0.0, left=float(left.sum()), frozen=float(frozen),
             in_holes=float(left[HOLES]), in_sea=float(left[SEA]),
         )
 
@@ -352,13 +384,8 @@ class CellLava:
         if where_wet:
             part = self.window.rectangle(self._maps)
         terrain = self.scene.terrain
-        scale = terrain.resolution / self.grid.resolution
         thickness, temperature = self.peaks.on_terrain(
-            lambda values: self._on_terrain(values, part),
-            slice(
-                math.floor(part[0].start * scale),
-                min(math.ceil(part[0].stop * scale), self.grid.shape[0]),
-            ),
+            lambda values: self._on_terrain(values, part), cells_under(part, self.grid, terrain)
         )
         # 0 K is lava that was solid throughout
         warm = np.where(temperature > 0.0, temperature, self.scene.lava.solidus)
@@ -381,7 +408,7 @@ class CellLava:
         grid, thickness = self.grid, _inner(self.state.thickness)
         i, j = np.nonzero(thickness > max(self._film, least))
         own = thickness[i, j]
-        east, north = self.state.first_x.numpy(), self.state.first_y.numpy()
+        east, north = read(self.state.first_x), read(self.state.first_y)
         # faces on both sides of the cell, in maps with a ring
         passed = np.stack([
             east[i + 1, j] + east[i + 1, j + 1], north[i, j + 1] + north[i + 1, j + 1],
@@ -412,15 +439,16 @@ def mixed(columns: Columns, into: Any) -> Columns:
     return Columns(thickness, temperature, emission_time, into(columns.solidified))
 
 
-def _fill(array: Any, values: np.ndarray) -> None:
-    """Write a map without its ring, which continues it."""
-    first = values.flat[0]
-    if (values == first).all():
+def _fill(array: Any, values: np.ndarray | float) -> None:
+    """Write a map without its ring, which continues it, or a number."""
+    first = np.ravel(values)[0]
+    if np.all(values == first):
         array.fill_(float(first))
     else:
         array.assign(np.pad(values, 1, mode='edge').astype(wp.dtype_to_numpy(array.dtype)))
 
 
 def _inner(array: Any) -> np.ndarray:
-    """Return a map without its ring, which shares the memory of the array."""
-    return array.numpy()[1:-1, 1:-1]
+    """Return a map without its ring, which on a CPU shares the memory of the array."""
+    values = read(array) if array.device.is_cuda else array.numpy()
+    return values[1:-1, 1:-1]

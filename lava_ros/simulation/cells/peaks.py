@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from lava_ros.simulation.backend.memory import read_parts
+from lava_ros.simulation.cells.grid import within_ring
 from lava_ros.simulation.cells.highest import Highest
 
 
@@ -22,39 +24,31 @@ class CellPeaks:
     def __init__(self, shape: tuple[int, ...], device: Any) -> None:
         """Allocate for maps of a shape with their ring, without lava."""
         self.highest = Highest()
-        self.highest.thickness = wp.zeros(shape, dtype=wp.float32, device=device)
-        self.highest.temperature = wp.zeros(shape, dtype=wp.float32, device=device)
+        self._maps = [wp.zeros(shape, dtype=wp.float32, device=device) for _ in range(2)]
+        self.highest.thickness, self.highest.temperature = self._maps
 
     def restart(self, thickness: np.ndarray, temperature: np.ndarray) -> None:
         """Begin again with lava of a thickness [m] and a temperature [K], maps with their ring."""
-        self.highest.thickness.assign(thickness.astype(np.float32))
-        self.highest.temperature.assign(temperature.astype(np.float32))
+        for array, values in zip(self._maps, (thickness, temperature), strict=True):
+            array.assign(values.astype(np.float32))
 
     def move(self, former: 'CellPeaks', into: Callable[[np.ndarray], np.ndarray]) -> None:
         """Continue the peaks of another grid; ``into`` converts a map from its cells."""
-        for name in ('thickness', 'temperature'):
-            values = getattr(former.highest, name).numpy()[1:-1, 1:-1]
-            own = getattr(self.highest, name)
-            moved = np.pad(into(values), 1).astype(np.float32)
-            own.assign(np.fmax(own.numpy(), moved))
+        for array, other in zip(self._maps, former._maps, strict=True):
+            moved = np.pad(into(other.numpy()[1:-1, 1:-1]), 1).astype(np.float32)
+            array.assign(np.fmax(array.numpy(), moved))
 
     def on_terrain(
-        self, onto: Callable[[np.ndarray], np.ndarray], rows: slice
+        self, onto: Callable[[np.ndarray], np.ndarray], cells: tuple[slice, slice]
     ) -> np.ndarray:
         """Return thickness and temperature on some of the terrain's cells: [2, rows, columns].
 
         In a cell of several smaller ones it is the mean of their peaks, and the temperature by
-        thickness. ``onto`` converts maps of the solver's cells, and needs these ``rows`` of them.
+        thickness. ``onto`` converts maps of these ``cells`` of the solver.
         """
-        thickness, temperature = (
-            np.zeros(np.subtract(self.highest.thickness.shape, 2), dtype=np.float32)
-            for _ in range(2)
+        thickness, temperature = read_parts(
+            [self.highest.thickness, self.highest.temperature], within_ring(cells)
         )
-        if rows.stop > rows.start:
-            for values, array in (
-                (thickness, self.highest.thickness), (temperature, self.highest.temperature)
-            ):
-                values[rows] = array[rows.start + 1 : rows.stop + 1].numpy()[:, 1:-1]
         mean = onto(thickness)
         with np.errstate(invalid='ignore', divide='ignore'):
             warm = onto(thickness * temperature) / mean

@@ -20,7 +20,6 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.batch import current_batch
-from lava_ros.simulation.cells.covered import Covered
 from lava_ros.simulation.cells.grid import deposit
 from lava_ros.simulation.cells.heat import carries_heat
 from lava_ros.simulation.cells.lava import CellLava, Columns, mixed
@@ -41,7 +40,7 @@ from lava_ros.simulation.cells.worlds import (
     CLOCK,
     COUNTS,
     THICKEST,
-    world_of,
+    World,
     Worlds,
 )
 from lava_ros.simulation.output.checkpoint import Checkpoint, joined
@@ -116,8 +115,9 @@ class CellSolver(CellLava):
         Raises:
             LavaError: If lava is not on the terrain.
         """
-        lava, is_bare = self.bare_columns(), True
-        if particles is not None and len(particles.position):
+        if particles is None or not len(particles.position):
+            self.start_bare()
+        else:
             check_places(particles, self.scene.terrain)
             volume, hot = np.asarray(particles.volume), np.asarray(particles.temperature)
             sides = np.sqrt(volume / self.accuracy.thickness)
@@ -129,11 +129,9 @@ class CellSolver(CellLava):
                 warm = warmth / volumes
             # not the rounded mean of equal numbers
             warm = np.clip(np.where(volumes > 0.0, warm, hot.max()), hot.min(), hot.max())
-            lava = Columns(
-                volumes / self.grid.resolution**2, warm, lava.emission_time, lava.solidified
-            )
-            self.volume_before, is_bare = float(volume.sum()), False
-        self.put(lava, is_first=is_bare)
+            nothing = np.zeros(self.grid.shape)
+            self.put(Columns(volumes / self.grid.resolution**2, warm, nothing, nothing))
+            self.volume_before = float(volume.sum())
         self._cover()
         self.open_vents(0.0)
         self._is_due = True
@@ -161,11 +159,14 @@ class CellSolver(CellLava):
             box[:] = row.min(), row.max(), column.min(), column.max()
         first, end = int(box[0]), int(box[1]) + 1
         for array, values in ((state.source, source), (self.heat.vent_temperature, hot)):
-            rows = np.zeros((end - first, array.shape[1]), dtype=wp.dtype_to_numpy(array.dtype))
-            rows[row - first, column] = values
-            array.zero_()
+            if self._rows_with_vents:
+                array.zero_()
             if row.size:
+                shape = end - first, array.shape[1]
+                rows = np.zeros(shape, dtype=wp.dtype_to_numpy(array.dtype))
+                rows[row - first, column] = values
                 array[first:end].assign(rows)
+        self._rows_with_vents = end - first
         state.vent_box.assign(box)
         self._reached = self._window_with(box)
         if self._world is None:
@@ -193,17 +194,18 @@ class CellSolver(CellLava):
             wp.copy(self.heat.former, self.state.stage)
         elif not self._is_heated and self._temperatures:
             (temperature,) = self._temperatures
-            self._warm(np.full(self.grid.shape, temperature))
-        covered = Covered()
+            if temperature != self._warmth:
+                self._warm(temperature)
+        self._world = world = World()
+        self.state.argument(world.flow)
+        self.heat.argument(world.heat)
+        world.highest, covered = self.peaks.highest, world.covered
         covered.rows, covered.columns = self.scene.terrain.shape
         covered.scale = self.scene.terrain.resolution / self.grid.resolution
         covered.threshold = self.accuracy.inundation_threshold
         covered.known = self._known
         for name in CELL_MAPS:
             setattr(covered, name, getattr(self.covered.maps, name))
-        self._world = world_of(
-            self.state.argument(), self.heat.argument(), covered, self.peaks.highest
-        )
         cell = self.grid.resolution
         own = longest_step(self.scene, self.accuracy, self.effects, cell)
         self._longest_step = min(own, self.heat.longest_step(cell))
@@ -259,6 +261,8 @@ class CellSolver(CellLava):
 
     def _launch(self, clock: np.ndarray, steps: int) -> None:
         """Take at most some steps by a clock, and read where they ended; 0 records the lava."""
+        if (batch := current_batch()) is not None:
+            batch.wait_for_launches()
         if self._worlds is None:
             self._worlds = Worlds(1, self.device)
             self._worlds.put(0, self._world)

@@ -60,6 +60,9 @@ THICKEST, RATE = range(2)
 #: Thickness of a cell that lava covers wholly, over that of its thickest neighbour (covered.py).
 EDGE = 0.25
 
+#: Arrays that the ground alone determines (``ground.lay_ground``).
+FACES = 'drop_x', 'drop_y', 'factor_x', 'factor_y', 'cross_x', 'cross_y'
+
 #: Constants of the laws of flow, with viscosity and yield strength of one face.
 FaceLaw = structure('FaceLaw', (*law_type(wp.float32).vars, 'strength'), wp.float32)
 
@@ -129,7 +132,7 @@ class Heat:
 
 def maps_of(
     kind: Any, shape: tuple[int, int], device: Any, sizes: Mapping[str, int],
-    shared: Mapping[str, Any],
+    shared: dict[str, Any],
 ) -> dict[str, Any]:
     """Return the arrays of a struct: the ``shared`` ones, and zeros for all others.
 
@@ -139,14 +142,8 @@ def maps_of(
         name: item.type for name, item in kind.vars.items()
         if isinstance(item.type, wp.array) and name not in shared
     }
-    found = zeros(
-        {name: (one.dtype, sizes.get(name, shape[0] * shape[1])) for name, one in types.items()},
-        device,
-    )
-    maps = {
-        name: array if name in sizes else array.reshape(shape) for name, array in found.items()
-    }
-    return maps | dict(shared)
+    shapes = {name: (sizes[name],) if name in sizes else shape for name in types}
+    return shared | zeros({name: (types[name].dtype, shapes[name]) for name in types}, device)
 
 
 @dataclass(eq=False)
@@ -187,6 +184,7 @@ class CellState:
             float64, shape [3].
         gone: The same of a row in the latest step, float64, shape [3 rows].
         slots: Maxima of a step and of the one before, int32, shape [32], on a GPU.
+        ground: What owns the faces by the bare ground that simulations share.
         spans: First and last column of a row that the lava can reach in the latest step, and the
             same that have lava (``spans.py``), int32, shape [4 rows], on a CPU.
     """
@@ -228,6 +226,7 @@ class CellState:
     gone: Any
     slots: Any
     spans: Any
+    ground: Any = None
 
     @classmethod
     def on(
@@ -249,15 +248,14 @@ class CellState:
             'gone': 3 * shape[0], 'slots': 32, 'spans': 4 * shape[0],
         }
         kind = shared_array(_kinds, terrain, wp.uint8, device)
-        arrays = maps_of(Cells, shape, device, sizes, {'kind': kind})
+        faces: dict[str, Any] = dict.fromkeys(FACES)
+        arrays = maps_of(Cells, shape, device, sizes, {'kind': kind, **faces})
         law = filled(FaceLaw(), law_values(lava))
-        state = cls(terrain, terrain.resolution, weight, film, law, device, **arrays)
-        state.clock.assign([0.0, 0.0, 0.0, np.inf, 0.0, 0.0, np.inf, 0.0, 0.0])
-        return state
+        return cls(terrain, terrain.resolution, weight, film, law, device, **arrays)
 
-    def argument(self) -> Any:
-        """Return the argument of kernels."""
-        cells = Cells()
+    def argument(self, cells: Any = None) -> Any:
+        """Return the argument of kernels: ``cells``, or a new one."""
+        cells = cells or Cells()
         cells.rows, cells.stride = self.thickness.shape
         for item in fields(self):
             if item.name in Cells.vars and item.name not in ('rows', 'stride'):

@@ -68,6 +68,23 @@ SHARED = """
 #endif
 """
 
+#: Maxima of a step (CUDA: of all threads, in memory that the next step clears).
+SLOTS = """
+#if defined(__CUDA_ARCH__)
+    int* slots = s.slots.data + (counts[0] & 1) * 16;
+    int* others = s.slots.data + (1 - (counts[0] & 1)) * 16;
+#else
+    int slots[16] = {0};
+#endif
+"""
+
+#: Clears them; ``WHICH`` is ``slots``, or ``others``: those of the step before.
+CLEAR = """
+#if defined(__CUDA_ARCH__)
+    if (rank == 0 && threadIdx.x < 16) WHICH[threadIdx.x] = 0;
+#endif
+"""
+
 _BARRIERS = {
     False: '__syncthreads();',
     True: (

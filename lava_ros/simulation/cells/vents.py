@@ -10,6 +10,7 @@ import numpy as np
 
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.step.vent_ground import permitted_places, VentShape
+from lava_ros.simulation.step.vents import OpenVents
 
 #: Places along the diameter of a vent, and minimum number along a cell: fewer, but at least one,
 #: across more than ``_MANY`` cells.
@@ -19,19 +20,15 @@ _ACROSS, _PER_CELL, _MANY = 32, 4, 256
 _MAX_ALONG = 4096
 
 
-class CellVents:
-    """The vents of one span of time, on the cells of a grid.
+class CellVents(OpenVents):
+    """Vents on the cells of a grid.
 
     Attributes:
-        vents: The vents.
-        since: Time from which they emit [s].
         cells: Indices of the cells in which lava comes out, in ascending order.
         weights: Fraction of the lava of each vent that comes out in each of these cells.
     """
 
-    def __init__(
-        self, vents: tuple[Vent, ...], grid: Terrain, since: float, rise: float
-    ) -> None:
+    def __init__(self, vents: tuple[Vent, ...], grid: Terrain, since: float, rise: float) -> None:
         """Distribute the vents over the cells.
 
         Args:
@@ -40,7 +37,7 @@ class CellVents:
             since: Time from which the vents emit [s].
             rise: Maximum rise of the ground outside a vent's own radius [m].
         """
-        self.vents, self.since = vents, since
+        super().__init__(vents, since)
         shapes = (VentShape(vent.position, vent.radius, vent.end) for vent in vents)
         found = [_weights_of(shape, grid, rise) for shape in shapes]
         places = [np.zeros(0, dtype=int), *(cells for cells, _ in found)]
@@ -49,12 +46,8 @@ class CellVents:
         for own, (cells, parts) in zip(self.weights, found, strict=True):
             own[np.searchsorted(self.cells, cells)] = parts
 
-    def rates(self, time: float) -> np.ndarray:
-        """Return the discharge of each vent from a time until the next change [m3/s]."""
-        return np.array([vent.discharge_at(time) for vent in self.vents])
-
     def sources(self, time: float, area: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return what comes out of each cell from a time until the next change.
+        """Return the emission of each cell from a time until the next change.
 
         Args:
             time: The time [s].
@@ -64,7 +57,8 @@ class CellVents:
             Rate of emission [m/s], and temperature of the lava [K], each as ``cells``.
         """
         hot = np.array([vent.temperature for vent in self.vents])
-        rates = self.weights * self.rates(time)[:, None] / area
+        discharge = np.array([vent.discharge_at(time) for vent in self.vents])
+        rates = self.weights * discharge[:, None] / area
         source = rates.sum(axis=0)
         with np.errstate(invalid='ignore', divide='ignore'):
             mean = np.where(source > 0.0, hot @ rates / source, hot.max(initial=0.0))
@@ -76,15 +70,9 @@ class CellVents:
         later = (at for vent in self.vents for at, _ in vent.series if at > time)
         return min(later, default=math.inf)
 
-    def emitted(self, time: float) -> float:
-        """Return the volume [m3] that the vents have emitted from ``since`` to a time [s]."""
-        return sum(vent.volume_between(self.since, time) for vent in self.vents)
-
 
 @lru_cache(maxsize=8)
-def _weights_of(
-    vent: VentShape, grid: Terrain, rise: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _weights_of(vent: VentShape, grid: Terrain, rise: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the cells in which the lava of a vent comes out, and the fraction in each.
 
     Members of an ensemble share the result.

@@ -12,7 +12,6 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 import ctypes
 from functools import lru_cache
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -41,9 +40,10 @@ CLOCK, COUNTS, THICKEST, NUMBER = slice(0, 9), slice(9, 13), 13, 14
 #: what lava covers before the steps, and number.
 _REPORT, _ORDER = 15, 15
 
-#: Number of blocks of a world on a GPU if there are few worlds, and minimum compute capability:
-#: those of a cluster run at the same time.
-_MAX_BLOCKS, _MIN_ARCH = 16, 90
+#: Numbers of blocks of a world on a GPU, each a kernel of its own: fewer for more worlds. Also
+#: the minimum compute capability: the blocks of a cluster run at the same time; and the number of
+#: blocks that run at the same time on a multiprocessor.
+_BLOCKS, _MIN_ARCH, _BLOCKS_AT_ONCE = (16, 4, 2), 90, 2
 
 _BEGIN = """{
     const long top = 0, bottom = 0;
@@ -87,13 +87,6 @@ class World:
     heat: Heat
     covered: Covered
     highest: Highest
-
-
-def world_of(flow: Any, heat: Any, covered: Any, highest: Any) -> Any:
-    """Return a world of its parts."""
-    world = World()
-    world.flow, world.heat, world.covered, world.highest = flow, heat, covered, highest
-    return world
 
 
 @lru_cache
@@ -174,6 +167,8 @@ class Worlds:
         """Allocate for at most some worlds."""
         self._device, self._size = device, ctypes.sizeof(World.ctype)
         self._kept: list[Any] = [None] * rows
+        #: Number of launches, and former worlds of rows with the number when they lost them.
+        self._launched, self._former = 0, deque[tuple[int, Any]]()
         memory = wp.zeros(rows * self._size, dtype=wp.uint8, device=device)
         self._worlds = wp.array(ptr=memory.ptr, dtype=World, shape=(rows,), device=device)
         self._packed = _Mirror(memory)
@@ -186,9 +181,10 @@ class Worlds:
         self._launches: dict[Any, Any] = {}
 
     def put(self, row: int, world: Any) -> None:
-        """Assign a row to a world, whose arrays live as long as it has the row."""
+        """Assign a row to a world; its arrays live as long as a launch may use the row."""
         packed = ctypes.string_at(ctypes.addressof(world.__ctype__()), self._size)
         self._packed.write(row * self._size, np.frombuffer(packed, dtype=np.uint8))
+        self._former.append((self._launched, self._kept[row]))
         self._kept[row] = world
 
     def order(
@@ -201,9 +197,10 @@ class Worlds:
         number = self._orders.here[row, -1] + 1.0
         self._orders.write(row, np.array([[*clock, *window, float(records), number]]))
 
-    def is_current(self, row: int, report: np.ndarray) -> bool:
-        """Return True if the report of a row follows its latest order."""
-        return bool(report[NUMBER] == self._orders.here[row, -1])
+    def are_current(self, reports: np.ndarray) -> np.ndarray:
+        """Return for each row whether its report follows its latest order."""
+        current: np.ndarray = reports[:, NUMBER] == self._orders.here[:, -1]
+        return current
 
     def launch(
         self, rows: Sequence[int], effects: Effects, is_heated: bool, steps: int
@@ -218,31 +215,42 @@ class Worlds:
         for mirror in (self._packed, self._orders, self._rows):
             mirror.send()
         blocks, is_cuda = blocks_of(self._device, len(rows)), self._device.is_cuda
-        key = effects, is_heated, blocks, len(rows)
+        key, threads = (effects, is_heated, blocks), blocks * THREADS if is_cuda else 1
         command = self._launches.get(key)
         if command is None:
             self._launches.clear()
             command = self._launches[key] = wp.launch(
                 steps_kernel(effects, is_heated, blocks, is_cuda),
-                dim=len(rows) * (blocks * THREADS if is_cuda else 1), block_dim=THREADS,
+                dim=len(rows) * threads, block_dim=THREADS,
                 inputs=[
                     self._worlds, self._rows.there, self._orders.there, self._reports,
                     self._numbers, 0,
                 ],
                 device=self._device, record_cmd=True,
             )
+        command.set_dim(len(rows) * threads)
         command.set_param_at_index(5, steps)
         command.launch()
         self._copies.rotate()
         finish = self._copies[0].begin()
-        return lambda: finish()[0]
+        self._launched += 1
+        launched = self._launched
+
+        def wait() -> np.ndarray:
+            reports = finish()[0]
+            while self._former and self._former[0][0] <= launched:
+                self._former.popleft()
+            return reports
+
+        return wait
 
 
 def blocks_of(device: Any, count: int) -> int:
     """Return the number of blocks of each of some worlds on a GPU."""
     if not device.is_cuda or device.arch < _MIN_ARCH:
         return 1
-    return _MAX_BLOCKS if count * _MAX_BLOCKS <= device.sm_count else 1
+    most = _BLOCKS_AT_ONCE * device.sm_count // count
+    return next((blocks for blocks in _BLOCKS if blocks <= most), _BLOCKS[-1])
 
 
 class _Mirror:
@@ -278,18 +286,22 @@ class _Mirror:
 class CellGroup:
     """Members of a batch (``simulation/batch.py``) whose steps run the same kernel, one row each.
 
+    Launches have a stream of their own. What the host does meanwhile for members that have arrived
+    does not wait for it: such launches only read the clocks of these members.
+
     Attributes:
         rounds_at_once: Number of launches in flight.
+        is_patient: True if a round begins only when no route can continue.
         under_way: Routes of the members that have been asked to advance, by row.
         free: Rows without a member.
     """
 
-    rounds_at_once = 2
+    rounds_at_once, is_patient = 2, False
 
     def __init__(self, effects: Effects, is_heated: bool, device: Any, rows: int) -> None:
         """Prepare for at most some members."""
-        self._kind = effects, is_heated
-        self._worlds = Worlds(rows, device)
+        self._kind, self._device = (effects, is_heated), device
+        self._worlds, self._stream = Worlds(rows, device), wp.Stream(device)
         self._steps = 8
         self.under_way: dict[int, Iterator[None]] = {}
         self.free = list(reversed(range(rows)))
@@ -297,6 +309,10 @@ class CellGroup:
     def put(self, row: int, world: Any) -> None:
         """Assign a row to a member."""
         self._worlds.put(row, world)
+
+    def wait(self) -> None:
+        """Let what the current stream does next wait for the launches in flight."""
+        wp.get_stream(self._device).wait_stream(self._stream)
 
     def leave(self, row: int) -> None:
         """Free a row."""
@@ -312,20 +328,22 @@ class CellGroup:
 
     def begin(self) -> Callable[[], list[tuple[Iterator[None], np.ndarray]]]:
         """Start a launch; return a function that waits and returns the due routes."""
-        rows, begun = sorted(self.under_way), perf_counter()
-        finish = self._worlds.launch(rows, *self._kind, self._steps)
+        rows = sorted(self.under_way)
+        with wp.ScopedStream(self._stream):
+            begun = self._stream.record_event(wp.Event(self._device, enable_timing=True))
+            finish = self._worlds.launch(rows, *self._kind, self._steps)
+            ended = self._stream.record_event(wp.Event(self._device, enable_timing=True))
 
         def end() -> list[tuple[Iterator[None], np.ndarray]]:
             reports = finish()
-            due = []
-            for row in rows:
-                report = reports[row]
-                if row not in self.under_way or not self._worlds.is_current(row, report):
-                    continue
-                clock = report[CLOCK]
-                if clock[TIME] >= clock[TARGET] or clock[WAITING] > 0.0:
-                    due.append((self.under_way.pop(row), report.copy()))
-            spent = perf_counter() - begun
+            clocks = reports[:, CLOCK]
+            is_due = (clocks[:, TIME] >= clocks[:, TARGET]) | (clocks[:, WAITING] > 0.0)
+            is_due &= self._worlds.are_current(reports)
+            due = [
+                (self.under_way.pop(row), reports[row])
+                for row in rows if is_due[row] and row in self.under_way
+            ]
+            spent = 1e-3 * wp.get_event_elapsed_time(begun, ended)
             more = self._steps * 2 if spent < _LAUNCH_TIME else self._steps // 2
             self._steps = min(max(more, 1), _MAX_STEPS)
             return due

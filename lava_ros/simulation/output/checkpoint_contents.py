@@ -18,9 +18,7 @@ from lava_ros.scene.terrain import PARTS
 from lava_ros.scene.vent_keys import VENT_TEMPERATURE_RANGE
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import Checkpoint
-from lava_ros.simulation.particles.layout import LIMIT
 from lava_ros.simulation.particles.solidified import THICKNESS_UNIT
-from lava_ros.simulation.step.timestep import LIMITS
 
 #: Fraction of the emitted volume that the sums of a checkpoint may differ from it.
 TOLERANCE = 1e-3
@@ -142,9 +140,6 @@ def _ranges(
     yield 'vents.phase', phase, 0.0, MAX_PHASE, f'from 0 to {MAX_PHASE:g}'
     downhill = arrays.get('vents.downhill', np.zeros(1))
     yield 'vents.downhill', downhill, -1.0, 1.0, 'from -1 to 1 half turns'
-    limit_of_step = arrays.get('state.counts', np.zeros(LIMIT + 1)).ravel()[LIMIT : LIMIT + 1]
-    expected = f'from 0 to {len(LIMITS) - 1}, the limits of a step'
-    yield 'state.counts', limit_of_step, 0, len(LIMITS) - 1, expected
     cell = THICKNESS_UNIT * terrain.resolution**2
     for name in ('solidified.deposit', 'solidified.placed'):
         volume = arrays.get(name, np.zeros(1)).astype(np.float64) * cell

@@ -16,7 +16,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.scene.terrain import HALF, PARTS
-from lava_ros.simulation.backend.compiled import load_square, mark_bits, raise_to, writing
+from lava_ros.simulation.backend.compiled import raise_to, writing
 from lava_ros.simulation.particles.layout import arguments_type
 
 #: Side of a particle's square over the root of its area V / h. Squares of exactly that area
@@ -28,6 +28,49 @@ WHOLE = (1 << PARTS * PARTS) - 1
 
 #: One bit in each row of squares.
 _COLUMN = sum(1 << PARTS * row for row in range(PARTS))
+
+#: Strides of a 2-D array are in bytes.
+_SQUARE = """
+    const int* row = reinterpret_cast<const int*>(
+        reinterpret_cast<const char*>(values.data) + size_t(i) * values.strides[0]) + j;
+    const int* next = reinterpret_cast<const int*>(
+        reinterpret_cast<const char*>(row) + values.strides[0]);
+    return wp::vec_t<4, int>(row[0], row[1], next[0], next[1]);
+"""
+#: Most marks are there already, and a read takes less time than an atomic operation.
+_MARK_BITS = """
+    int* place = reinterpret_cast<int*>(
+        reinterpret_cast<char*>(values.data) + size_t(i) * values.strides[0]) + j;
+#if defined(__CUDA_ARCH__)
+    int found = *reinterpret_cast<volatile int*>(place);
+    if ((found & bits) != bits)
+        found = atomicOr(place, bits) | bits;
+    return __popc(found);
+#else
+    int found = __atomic_load_n(place, __ATOMIC_RELAXED);
+    if ((found & bits) != bits)
+        found = __atomic_fetch_or(place, bits, __ATOMIC_RELAXED) | bits;
+    return __builtin_popcount(found);
+#endif
+"""
+
+
+@wp.func_native(_SQUARE)
+def _load_square(values: wp.array2d(dtype=wp.int32), i: int, j: int) -> wp.vec4i:
+    """Read items [i, j], [i, j + 1], [i + 1, j] and [i + 1, j + 1]."""
+    ...
+
+
+@wp.func_native(_MARK_BITS)
+def mark_bits(values: wp.array2d(dtype=wp.int32), i: int, j: int, bits: int) -> int:
+    """Set bits of item [i, j], together with other threads; return how many are then set.
+
+    All threads of a launch see their own bits; the last one sees those of all.
+    """
+    ...
+
+
+writing('values')(mark_bits)
 
 
 @lru_cache
@@ -48,9 +91,7 @@ def note_function(real: Any, is_new: bool) -> Any:
         return wp.clamp(place - cell * wp.static(PARTS), 0, wp.static(PARTS))
 
     @wp.func
-    def bits_of(
-        south: int, north: int, west: int, east: int, row: int, column: int
-    ) -> int:
+    def bits_of(south: int, north: int, west: int, east: int, row: int, column: int) -> int:
         """Return the bits of a cell's squares in a rectangle of squares, counted among all."""
         # bits of the first column of squares before the first row of them and up to the last one
         below = (1 << (wp.static(PARTS) * squares_before(south, row))) - 1
@@ -87,7 +128,7 @@ def note_function(real: Any, is_new: bool) -> Any:
                 is_small = is_small and column >= 0 and column + 1 < columns
                 found = vec4i(0)
                 if is_small:
-                    found = load_square(m.covered, row, column)
+                    found = _load_square(m.covered, row, column)
                     if found[0] & found[1] & found[2] & found[3] == wp.static(WHOLE):
                         return
                 south = int(wp.ceil((y - half) * parts - real(0.5)))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What lava has covered of each cell of a terrain: on other terrains, in checkpoints and in maps.
+"""The ground that lava has covered: on other terrains, in checkpoints and in maps.
 
 ``covered_cells.py`` defines and records it.
 """
@@ -16,10 +16,9 @@ import warp as wp
 
 from lava_ros.scene import Terrain
 from lava_ros.scene.terrain import HALF, has_same_cells, PARTS
-from lava_ros.simulation.backend.compiled import access, mark_bits, quick_kernel
+from lava_ros.simulation.backend.compiled import access, quick_kernel
 from lava_ros.simulation.backend.memory import read
-from lava_ros.simulation.backend.threads import launch_over
-from lava_ros.simulation.output.covered_cells import note_function
+from lava_ros.simulation.output.covered_cells import mark_bits, note_function
 from lava_ros.simulation.output.inundation import squares_in, standing_cells, TOUCHED
 from lava_ros.simulation.output.window import cell_in, CellWindow, Window
 from lava_ros.simulation.particles import layout as at
@@ -44,7 +43,8 @@ _SAVED = {
 
 
 @lru_cache
-def _kernel(real: Any) -> Any:
+def covered_ground_kernel(real: Any) -> Any:
+    """Return the kernel that records the ground under the ordered particles and their flow."""
     load, _ = access(real, 4)
     note = note_function(real, False)
 
@@ -59,12 +59,9 @@ def _kernel(real: Any) -> Any:
 # without new bits covered stays as it is: they are only counted
 @quick_kernel(writes='maps covered')
 def _show(
-    thread: int,
-    arrived: wp.array2d(dtype=wp.float32),
-    half_inundated: wp.array2d(dtype=wp.float32),
-    covered: wp.array2d(dtype=wp.int32),
-    maps: wp.array3d(dtype=wp.float32),
-    window: CellWindow,
+    thread: int, arrived: wp.array2d(dtype=wp.float32),
+    half_inundated: wp.array2d(dtype=wp.float32), covered: wp.array2d(dtype=wp.int32),
+    maps: wp.array3d(dtype=wp.float32), window: CellWindow,
 ):
     cell = cell_in(window, thread)
     i, j = cell[0], cell[1]
@@ -89,16 +86,8 @@ def show_covered_cells(state: State, maps: Any, window: Window) -> None:
     window.launch(state, _show, arguments)
 
 
-def record_covered_ground(state: State, arguments: Any) -> None:
-    """Record the ground covered now, by the ordered particles and their flow.
-
-    ``arguments`` is the argument of the kernels of a stage.
-    """
-    launch_over(state, _kernel(state.real), [arguments])
-
-
 class CoveredCells:
-    """What lava has covered of each cell of a terrain, on a device.
+    """The ground that lava has covered in each cell of a terrain, on a device.
 
     Attributes:
         maps: The arrays that kernels update.
@@ -109,10 +98,8 @@ class CoveredCells:
         self._terrain, self._device = terrain, device
         # filled on the device: members of an ensemble do this one after the other
         self.maps = CellMaps(
-            wp.full(terrain.shape, -1.0, dtype=wp.float32, device=device),
-            wp.full(terrain.shape, -1.0, dtype=wp.float32, device=device),
-            wp.zeros(terrain.shape, dtype=wp.int32, device=device),
-            wp.zeros(4, dtype=wp.int32, device=device),
+            *(wp.full(terrain.shape, -1.0, dtype=wp.float32, device=device) for _ in range(2)),
+            *(wp.zeros(size, dtype=wp.int32, device=device) for size in (terrain.shape, 4)),
         )
 
     def _put(

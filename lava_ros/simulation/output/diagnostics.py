@@ -47,14 +47,10 @@ def _kernel(real: Any) -> Any:
 
     @wp.kernel(module='unique', enable_backward=False)
     def gather(
-        particle: wp.array(dtype=vec4),
-        clock: wp.array(dtype=wp.float64),
-        counts: wp.array(dtype=wp.int32),
-        left: wp.array(dtype=wp.float64),
-        placed: wp.array2d(dtype=wp.int64),
-        placed_unit: wp.float64,
-        released: wp.array(dtype=wp.int32),
-        numbers: wp.array(dtype=wp.float64),
+        particle: wp.array(dtype=vec4), clock: wp.array(dtype=wp.float64),
+        counts: wp.array(dtype=wp.int32), left: wp.array(dtype=wp.float64),
+        placed: wp.array2d(dtype=wp.int64), placed_unit: wp.float64,
+        released: wp.array(dtype=wp.int32), numbers: wp.array(dtype=wp.float64),
     ):
         t = wp.tid()
         total = wp.float64(0.0)
@@ -86,37 +82,26 @@ def _kernel(real: Any) -> Any:
     return gather
 
 
-class FlowDiagnostics:
-    """Device array that gathers the values of a moment."""
+def gather_numbers(
+    state: State, vents: VentSet, raised: RaisedTerrain | None, former: Any = None
+) -> Any:
+    """Gather the current values in an array on the device, that of a ``former`` call if it fits.
 
-    def __init__(self) -> None:
-        """Initialize without an array."""
-        self._numbers: Any = None
-
-    def take(self, state: State, vents: VentSet, raised: RaisedTerrain | None) -> Any:
-        """Gather the current values on the device; the next call overwrites them.
-
-        Particles that have left must have been dropped. ``raised`` is the ground if lava can have
-        solidified onto it.
-        """
-        length = _SUMS + 3 + state.clock.size + state.counts.size + vents.outlets.released.size
-        placed, unit = None, 0.0
-        if raised is not None:
-            length += _SUMS
-            placed, unit = raised.placed, THICKNESS_UNIT * raised.exact_ground.resolution**2
-        if self._numbers is None or self._numbers.size != length:
-            self._numbers = wp.zeros(length, dtype=wp.float64, device=state.device)
-        wp.launch(
-            _kernel(state.real),
-            dim=_SUMS,
-            inputs=[
-                state.particle, state.clock, state.counts, state.left, placed, unit,
-                vents.outlets.released,
-            ],
-            outputs=[self._numbers],
-            device=state.device,
-        )
-        return self._numbers
+    Particles that have left must have been dropped. ``raised`` is the ground if lava can have
+    solidified onto it.
+    """
+    released, placed, unit = vents.outlets.released, None, 0.0
+    length = _SUMS + 3 + state.clock.size + state.counts.size + released.size
+    if raised is not None:
+        length += _SUMS
+        placed, unit = raised.placed, THICKNESS_UNIT * raised.exact_ground.resolution**2
+    numbers = former
+    if former is None or former.size != length:
+        numbers = wp.zeros(length, dtype=wp.float64, device=state.device)
+    arrays = [state.particle, state.clock, state.counts, state.left, placed, unit, released]
+    kernel, device = _kernel(state.real), state.device
+    wp.launch(kernel, dim=_SUMS, inputs=arrays, outputs=[numbers], device=device)
+    return numbers
 
 
 def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) -> Moment:

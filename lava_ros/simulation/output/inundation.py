@@ -84,7 +84,7 @@ def area_of(cells: np.ndarray, resolution: float) -> float:
 
 
 def standing_part(standing: np.ndarray, inundated: np.ndarray | None) -> np.ndarray:
-    """Return the fraction of each cell on which lava stands: all that it has covered, where it is.
+    """Return the fraction of each cell on which lava stands: the inundated part, if it has lava.
 
     Args:
         standing: Cells with lava, bool, any shape.

@@ -92,9 +92,7 @@ def measured_scales(
     )
 
 
-def current_resolution(
-    snapshot: Snapshot, accuracy: Accuracy, expected: Resolution
-) -> Resolution:
+def current_resolution(snapshot: Snapshot, accuracy: Accuracy, expected: Resolution) -> Resolution:
     """Measure how well the particles resolve a flow, and its kind.
 
     Args:

@@ -7,7 +7,7 @@ Arrival times are those that the simulation records at its steps (``covered_cell
 observation visits the cells that lava can reach.
 """
 
-from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ import warp as wp
 
 from lava_ros.scene import Terrain
 from lava_ros.simulation.backend.compiled import quick_kernel
-from lava_ros.simulation.backend.memory import read
+from lava_ros.simulation.backend.memory import read, read_parts
 from lava_ros.simulation.output.inundation import inundated_fraction
 from lava_ros.simulation.output.rasterization import Raster
 from lava_ros.simulation.output.window import Bounded, cell_in, CellWindow
@@ -27,12 +27,8 @@ _FLAWS = ('', 'thickness is not a number of metres', 'temperature is not a numbe
 
 @quick_kernel(writes='peaks flaw', fast_math=False)
 def _raise_peaks(
-    thread: int,
-    known: wp.array2d(dtype=wp.uint8),
-    maps: wp.array3d(dtype=wp.float32),
-    peaks: wp.array3d(dtype=wp.float32),
-    flaw: wp.array(dtype=wp.int32),
-    window: CellWindow,
+    thread: int, known: wp.array2d(dtype=wp.uint8), maps: wp.array3d(dtype=wp.float32),
+    peaks: wp.array3d(dtype=wp.float32), flaw: wp.array(dtype=wp.int32), window: CellWindow,
 ):
     """Raise the peaks of thickness and temperature to the values of a map."""
     cell = cell_in(window, thread)
@@ -99,10 +95,17 @@ class Peaks:
             device: Warp device.
         """
         self._threshold, self._start, self._has_data = threshold, start, terrain.has_data
+        self._shape, self._device = (self.COUNT, *terrain.shape), device
+        #: Number of the flaw (``_FLAWS``) that ``check`` has found.
+        self._checked = 0
+
+    @cached_property
+    def _arrays(self) -> tuple[Any, Any]:
+        """Peaks, and the number of a flaw: only of a solver that does not keep peaks itself."""
         # filled on the device: members of an ensemble do this one after the other
-        self._peaks = wp.zeros((self.COUNT, *terrain.shape), dtype=wp.float32, device=device)
-        self._peaks[1].fill_(np.nan)
-        self._flaw = wp.zeros(1, dtype=wp.int32, device=device)
+        peaks = wp.zeros(self._shape, dtype=wp.float32, device=self._device)
+        peaks[1].fill_(np.nan)
+        return peaks, wp.zeros(1, dtype=wp.int32, device=self._device)
 
     def observe(self, state: State, known: Any, raster: Raster) -> None:
         """Raise the peaks to the values of the current maps.
@@ -112,19 +115,21 @@ class Peaks:
             known: 1 for cells with data, 0 for others, shape [rows, columns].
             raster: The maps.
         """
-        arguments = [known, raster.grids, self._peaks, self._flaw]
-        raster.window.launch(state, _raise_peaks, arguments)
+        raster.window.launch(state, _raise_peaks, [known, raster.grids, *self._arrays])
 
     def check(self, thickness: np.ndarray, temperature: np.ndarray) -> None:
         """Note whether the thickness [m] or the temperature [K] of cells cannot be shown."""
         for number, values in enumerate((thickness, temperature), start=1):
             # a sum is finite if all are
             if not np.isfinite(values.sum()):
-                self._flaw.fill_(number)
+                self._checked = number
 
     def flaw(self) -> str:
         """Return why an observation cannot be shown as a map; empty if there is no reason."""
-        return _FLAWS[int(read(self._flaw)[0])]
+        number = self._checked
+        if '_arrays' in vars(self):
+            number = number or int(read(self._arrays[1])[0])
+        return _FLAWS[number]
 
     def read(
         self, state: Bounded, part: tuple[slice, slice], *, kept: np.ndarray | None = None
@@ -140,8 +145,8 @@ class Peaks:
         start, corner, covered = self._start, (part[0].start, part[1].start), state.cell_maps
         maps = [covered.arrived, covered.half_inundated, covered.covered.view(wp.float32)]
         if kept is None:
-            maps += self._peaks[0], self._peaks[1]
-        arrived, half_inundated, squares, *observed = _read_parts(maps, part)
+            maps += self._arrays[0][0], self._arrays[0][1]
+        arrived, half_inundated, squares, *observed = read_parts(maps, part)
         thickness, temperature = observed if kept is None else kept
         thickness[~self._has_data[part]] = np.nan
         arrival, half = (
@@ -154,15 +159,3 @@ class Peaks:
             corner, arrival, half, inundated_fraction(arrived, squares.view(np.int32)),
             np.maximum(thickness, least), temperature, self.flaw(),
         )
-
-
-def _read_parts(maps: Sequence[Any], part: tuple[slice, slice]) -> np.ndarray:
-    """Copy some rows and columns of several maps, float32, to the host, waiting only once."""
-    rows, columns = (max(one.stop - one.start, 0) for one in part)
-    if not rows * columns:
-        return np.zeros((len(maps), rows, columns), dtype=np.float32)
-    shape = len(maps), rows, columns
-    parts = wp.empty(shape, dtype=wp.float32, device=maps[0].device)
-    for number, one in enumerate(maps):
-        wp.copy(parts[number], one[part])
-    return read(parts)

@@ -45,10 +45,10 @@ COVER_THRESHOLD = 0.5
 _MIN_NEAR_WEIGHT = 1e-3
 
 #: Minimum thickness of standing lava over the threshold of inundation: maps are rounded.
-_LEAST = 0.999
+_MIN_STANDING = 0.999
 
 #: Placeholder for a weight: particles are within reach of the cell, but do not cover it.
-_BESIDE = wp.constant(wp.float32(-1.0))
+_UNCOVERED = wp.constant(wp.float32(-1.0))
 
 
 @lru_cache
@@ -84,12 +84,8 @@ def _weigh_kernel(real: Any, kernel_name: str) -> Any:
 
     @quick_kernel(writes='thickness temperature', fast_math=False)
     def weigh(
-        thread: int,
-        m: arguments_type(real),
-        exact: ground_type(wp.float64),
-        radius: wp.float64,
-        thickness: wp.array2d(dtype=wp.float32),
-        temperature: wp.array2d(dtype=wp.float32),
+        thread: int, m: arguments_type(real), exact: ground_type(wp.float64), radius: wp.float64,
+        thickness: wp.array2d(dtype=wp.float32), temperature: wp.array2d(dtype=wp.float32),
         window: CellWindow,
     ):
         """Weigh the covered cells, and mark those not covered but with lava in reach."""
@@ -120,9 +116,9 @@ def _weigh_kernel(real: Any, kernel_name: str) -> Any:
                 if square < real(1.0):
                     distance = wp.sqrt(square)
                     area = p[2] / m.flow[k][0]
-                    share = area * shape(distance)
-                    height += share * m.flow[k][0]
-                    cover += share
+                    covered = area * shape(distance)
+                    height += covered * m.flow[k][0]
+                    cover += covered
                     area *= slope(distance)
                     rise_x += area * dx
                     rise_y += area * dy
@@ -146,7 +142,7 @@ def _weigh_kernel(real: Any, kernel_name: str) -> Any:
         thickness[i, j] = wp.where(weight > wp.float32(0.0), weight, wp.float32(wp.nan))
         is_dry = m.arrived[i, j] < wp.float32(0.0) and mean >= m.constants.threshold
         if cover > real(0.0) and (part == real(0.0) or is_dry):
-            thickness[i, j] = _BESIDE
+            thickness[i, j] = _UNCOVERED
 
     return weigh
 
@@ -163,10 +159,7 @@ def _share_out_kernel(real: Any, kernel_name: str) -> Any:
 
     @quick_kernel(writes='contribution home', fast_math=False)
     def share_out(
-        k: int,
-        m: arguments_type(real),
-        exact: ground_type(wp.float64),
-        radius: wp.float64,
+        k: int, m: arguments_type(real), exact: ground_type(wp.float64), radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
     ):
         """Find a particle's volume per unit of weight, or for the cell in which it lies."""
@@ -223,12 +216,8 @@ def _gather_kernel(real: Any, kernel_name: str) -> Any:
 
     @quick_kernel(writes='thickness temperature arrived', fast_math=False)
     def gather(
-        thread: int,
-        m: arguments_type(real),
-        exact: ground_type(wp.float64),
-        radius: wp.float64,
-        thickness: wp.array2d(dtype=wp.float32),
-        temperature: wp.array2d(dtype=wp.float32),
+        thread: int, m: arguments_type(real), exact: ground_type(wp.float64), radius: wp.float64,
+        thickness: wp.array2d(dtype=wp.float32), temperature: wp.array2d(dtype=wp.float32),
         window: CellWindow,
     ):
         """Sum the particles' contributions to a cell, and their mean temperature."""
@@ -270,7 +259,7 @@ def _gather_kernel(real: Any, kernel_name: str) -> Any:
         if is_covered:
             total *= real(own_weight)
         thickness[i, j] = wp.float32(total[0])
-        least = real(wp.static(_LEAST)) * m.constants.threshold
+        least = real(wp.static(_MIN_STANDING)) * m.constants.threshold
         if m.arrived[i, j] < wp.float32(0.0) and total[0] >= least:
             # films that are each too thin to count, and together thick enough
             m.arrived[i, j] = wp.float32(m.clock[TIME])
@@ -281,12 +270,8 @@ def _gather_kernel(real: Any, kernel_name: str) -> Any:
 
 
 @quick_kernel(writes='grids')
-def _clear(
-    thread: int,
-    known: wp.array2d(dtype=wp.uint8),
-    grids: wp.array3d(dtype=wp.float32),
-):
-    """Let grids show no lava on cells with data, and nothing on others."""
+def _clear(thread: int, known: wp.array2d(dtype=wp.uint8), grids: wp.array3d(dtype=wp.float32)):
+    """Fill grids with 0 (no lava) on cells with data, and with NaN on others."""
     i = thread // known.shape[1]
     j = thread % known.shape[1]
     dry = wp.float32(0.0)
@@ -312,13 +297,7 @@ class Raster:
     COUNT = 2
 
     def __init__(
-        self,
-        terrain: StaggeredTerrain,
-        radius: float,
-        kernel: str,
-        device: Any,
-        *,
-        reach: float,
+        self, terrain: StaggeredTerrain, radius: float, kernel: str, device: Any, *, reach: float,
         more: int = 0,
     ) -> None:
         """Allocate the grids.

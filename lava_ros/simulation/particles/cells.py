@@ -15,8 +15,8 @@ import warp as wp
 
 from lava_ros.simulation.backend.compiled import (
     access,
-    can_count,
     load_int,
+    on_cuda,
     write_function,
     writing,
 )
@@ -119,6 +119,11 @@ def border_functions(real: Any) -> tuple[Any, Any, Any]:
     return is_known, side_of, volume_lost
 
 
+@wp.func_native(on_cuda('return true;', 'return false;'))
+def _can_count() -> bool:
+    """Return True if many threads may count together: on the CPU Warp's atomics are not atomic."""
+
+
 @lru_cache
 def bin_function(real: Any, has_empty: bool) -> Any:
     """Return the device function that assigns a particle to its cell."""
@@ -150,10 +155,10 @@ def bin_function(real: Any, has_empty: bool) -> Any:
                 near = sides_near(m.cells, p[0], p[1])
                 if near != 0:
                     wp.atomic_or(m.counts, at.NEAR_BORDER, near)
-            elif can_count():
+            elif _can_count():
                 wp.atomic_add(m.left, side_of(m.ground, p[0], p[1]), volume_lost(p))
         m.cell[i] = c
-        if can_count():
+        if _can_count():
             m.rank[i] = wp.atomic_add(m.cells.sizes, c, 1)
 
     return place
@@ -211,16 +216,13 @@ def sum_neighbors(real: Any, add: Any, lanes: int, parts: int) -> Any:
 
 
 @lru_cache
-def sums_function(
-    real: Any, kernel: Any, parts: int, has_heat: bool = False, lanes: int | None = None
-) -> Any:
+def sums_function(real: Any, kernel: Any, lanes: int, parts: int, has_heat: bool) -> Any:
     """Return the device function that sums thickness and its gradient over the neighbours.
 
     The sums (``sum_neighbors``) are of the ``terms`` of a ``SmoothingKernel``. With ``has_heat``
     there is a fourth one: thickness times the excess temperature of the neighbour.
     """
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec3, vec4 = (wp.types.vector(n, real) for n in (3, 4))
     terms = kernel.terms
     load, _ = access(real, 4)
     sums_type = vec4 if has_heat else vec3
@@ -241,11 +243,11 @@ def sums_function(
         else:
             return vec3(sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy)
 
-    return sum_neighbors(real, added, lanes or parts, parts)
+    return sum_neighbors(real, added, lanes, parts)
 
 
 @lru_cache
-def wide_sums_function(wide_terms: str, has_heat: bool = False) -> Any:
+def wide_sums_function(wide_terms: str, has_heat: bool) -> Any:
     """Return the float32 device function of the same sums for a CPU."""
     heat = 'sum_3 += shapes * (is_in ? other_3 - p[3] : none);' if has_heat else ''
     sums_type = wp.vec4 if has_heat else wp.vec3

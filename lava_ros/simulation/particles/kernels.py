@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import exp2, one_less
+from lava_ros.simulation.backend.compiled import on_cuda
 
 _WIDE_WENDLAND = """
     wide left = 1.0f - distance * inverse;
@@ -24,6 +24,12 @@ _WIDE_WENDLAND = """
     const wide slopes = volume * (squared * left);
     const wide shapes = slopes * (squared - 1.25f * left);
 """
+
+#: The hardware clamps a sum to the range 0 to 1; the compiler does not make use of it.
+_ONE_LESS = """
+    float left;
+    asm("fma.rn.ftz.sat.f32 %0, %1, %2, %3;" : "=f"(left) : "f"(-a), "f"(b), "f"(1.0f));
+    return left;"""
 
 #: Octaves of squared distances, up to the support's, in which K0 varies: starting at a twelfth of
 #: the support, less than the radius of a particle's own disc.
@@ -123,6 +129,17 @@ class SmoothingKernel(NamedTuple):
 
 
 @lru_cache
+def _one_less(real: Any) -> Any:
+    """Return the device function max(1 - a b, 0), a and b >= 0: one instruction in float32."""
+    plain = 'return a * b < 1 ? 1 - a * b : 0;'
+
+    @wp.func_native(on_cuda(_ONE_LESS, plain) if real is wp.float32 else plain)
+    def left(a: real, b: real) -> real: ...
+
+    return left
+
+
+@lru_cache
 def smoothing_kernel(name: str, real: Any) -> SmoothingKernel:
     """Return a smoothing kernel by name.
 
@@ -180,7 +197,7 @@ def smoothing_kernel(name: str, real: Any) -> SmoothingKernel:
     }
     norm, shape, slope, stiffness, excess = kernels[name]
     vec2 = wp.types.vector(2, real)
-    what_is_left = one_less(real)
+    what_is_left = _one_less(real)
 
     @wp.func
     def wendland_terms(volume: real, distance: real, inverse: real) -> vec2:
@@ -296,6 +313,18 @@ def _powers_of() -> str:
 
 
 @lru_cache
+def _exp2(real: Any) -> Any:
+    """Return the device function 2^x."""
+    cuda = 'return exp2f(x);' if real is wp.float32 else 'return exp2(x);'
+    log2 = f'wp::{real.__name__}(0.6931471805599453)'
+
+    @wp.func_native(on_cuda(cuda, f'return wp::exp({log2} * x);'))
+    def power(x: real) -> real: ...
+
+    return power
+
+
+@lru_cache
 def k0_within(real: Any) -> K0Within:
     """Return K0 for sums over neighbours.
 
@@ -318,7 +347,7 @@ def k0_within(real: Any) -> K0Within:
         return K0Within(real, quarter_of, exact)
 
     vec6 = wp.types.vector(len(_ROOT), real)
-    power = exp2(real)
+    power = _exp2(real)
 
     @wp.func_native(_powers_of())
     def powers_of(x: real) -> vec6: ...

@@ -14,14 +14,15 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.backend.streams import Reader
+from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.covered_maps import (
+    covered_ground_kernel,
     CoveredCells,
-    record_covered_ground,
     show_covered_cells,
 )
 from lava_ros.simulation.output.diagnostics import (
-    FlowDiagnostics,
+    gather_numbers,
     moment_of,
     SHOWN,
     snapshot_of,
@@ -51,7 +52,7 @@ class ParticleLava:
         device: The Warp device.
         state: Arrays of the particles, and the clock.
         terrain: The ground on the device, shared by simulations on the same terrain.
-        covered: What lava has covered of each cell of the terrain.
+        covered: The ground that lava has covered in each cell of the terrain.
         raised: ``terrain``, no longer shared, if lava can solidify or has solidified onto it;
             otherwise None.
         neighbors: The grid of cells in which neighbours are found.
@@ -80,7 +81,7 @@ class ParticleLava:
         """
         self.scene, self.accuracy, self.device = scene, accuracy, device
         self.state = State(FIRST_CAPACITY, effects, accuracy, device)
-        self._diagnostics, self._reader = FlowDiagnostics(), Reader(device)
+        self._numbers, self._reader = None, Reader(device)
         self.volume_before = 0.0
         self.most_particles = 0
         self.is_empty = False
@@ -132,7 +133,7 @@ class ParticleLava:
         self._shown = self.raster.grids[-len(SHOWN) :]
         # times of cells that lava has not reached
         self._shown[1:].fill_(math.nan)
-        solid = None if self.raised is None else self.raised.thickness()
+        solid = None if self.raised is None or former is None else self.raised.thickness()
         self.covered.move(terrain, solid, accuracy.inundation_threshold)
         self.covered.attach(self.state)
         self.build_stage()
@@ -144,9 +145,7 @@ class ParticleLava:
 
     def build_stage(self) -> None:
         """Collect the kernels of the effects for the state, the terrain and the grids."""
-        self.stage = Stage(
-            self.scene, self.accuracy, self.state, self.neighbors, self.terrain
-        )
+        self.stage = Stage(self.scene, self.accuracy, self.state, self.neighbors, self.terrain)
 
     def own_terrain(self) -> RaisedTerrain:
         """Return the ground that solidified lava can raise, after allocating it if necessary."""
@@ -197,7 +196,7 @@ class ParticleLava:
         self.state.launches.forget()
 
     def bin(self) -> None:
-        """Assign the particles to cells in place of the previous motion, if it has not."""
+        """Assign the particles to cells, unless the previous motion has done so."""
         if not (self.state.form.has_empty or self.neighbors.is_binned):
             self.neighbors.bin(self.state, self.stage.arguments)
 
@@ -219,7 +218,8 @@ class ParticleLava:
         """Record the ground that lava covers now, if it has not flowed there."""
         self.order()
         self.stage.compute_flow()
-        record_covered_ground(self.state, self.stage.arguments)
+        kernel = covered_ground_kernel(self.state.real)
+        launch_over(self.state, kernel, [self.stage.arguments])
 
     def sort(self) -> None:
         """Sort the particles by cell and drop those off the terrain.
@@ -266,8 +266,7 @@ class ParticleLava:
         else:
             self.sort()
         state, grids = self.state, self.draw_maps()
-        numbers = self._diagnostics.take(state, self.vents, self.raised)
-        copies = self._reader.begin([grids, numbers], overlaps=overlaps)
+        copies = self._reader.begin([grids, self._gather()], overlaps=overlaps)
         terrain, vents, before = self.scene.terrain, self.vents, self.volume_before
         accuracy = self.accuracy
 
@@ -314,8 +313,13 @@ class ParticleLava:
         """Return the volume budget."""
         self.settle()
         self._reader.before_writing()
-        numbers = read(self._diagnostics.take(self.state, self.vents, self.raised))
+        numbers = read(self._gather())
         return moment_of(numbers, self.state, self.vents, self.volume_before).budget
+
+    def _gather(self) -> Any:
+        """Gather clock, counts and volumes on the device; the next call overwrites them."""
+        self._numbers = gather_numbers(self.state, self.vents, self.raised, self._numbers)
+        return self._numbers
 
 
 def corners_of(scene: Scene) -> np.ndarray:

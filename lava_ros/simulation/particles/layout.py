@@ -41,7 +41,7 @@ BORDER, HOLES, SEA = range(3)
 FAR = 1e30
 
 #: Thickness over the expected thickness up to which the Helmholtz solve converges fully.
-THICKEST = 2.0
+MAX_SOLVED = 2.0
 
 REAL = {'float32': wp.float32, 'float64': wp.float64}
 
@@ -228,7 +228,7 @@ class Arrays:
 
 @dataclass(eq=False)
 class CellMaps:
-    """What lava has covered of each cell of the terrain (``covered_cells.py``)."""
+    """The ground that lava has covered in each cell of the terrain (``covered_cells.py``)."""
 
     arrived: wp.array = array(
         'time at which lava touched the cell [s], -1 before', 'float32', 'row', 'column'

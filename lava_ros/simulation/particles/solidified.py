@@ -41,13 +41,9 @@ def volume_of(placed: np.ndarray, resolution: float) -> float:
 
 @quick_kernel(writes='thickness temperature frozen', fast_math=False)
 def _show(
-    thread: int,
-    placed: wp.array2d(dtype=wp.int64),
-    known: wp.array2d(dtype=wp.uint8),
-    solidus: wp.float32,
-    thickness: wp.array2d(dtype=wp.float32),
-    temperature: wp.array2d(dtype=wp.float32),
-    frozen: wp.array2d(dtype=wp.float32),
+    thread: int, placed: wp.array2d(dtype=wp.int64), known: wp.array2d(dtype=wp.uint8),
+    solidus: wp.float32, thickness: wp.array2d(dtype=wp.float32),
+    temperature: wp.array2d(dtype=wp.float32), frozen: wp.array2d(dtype=wp.float32),
     window: CellWindow,
 ):
     """Add solidified lava to a map; where all lava has solidified, it has the solidus."""

@@ -29,10 +29,10 @@ RARE_THREADS_TOGETHER = 1024
 
 #: Maximum fraction of the capacity in use before it grows. Threads without a particle cost time,
 #: so there is little spare capacity; a vent that finds none waits until it has grown.
-FULLEST = 0.875
+MAX_FILL = 0.875
 
 #: Capacity below which growing doubles it [particles].
-FEW = 16384
+FEW_PARTICLES = 16384
 
 #: Threads per particle on a GPU, and the maximum capacity for which they are worthwhile.
 SHARED_LANES, SHARED_UP_TO = 4, 50_000
@@ -52,7 +52,7 @@ class State(Arrays):
 
     Attributes:
         capacity: Number of particles for which arrays are allocated.
-        cell_maps: What lava has covered; kept by ``CoveredCells``.
+        cell_maps: The ground that lava has covered; kept by ``CoveredCells``.
         form: Properties for which kernels are compiled.
     """
 
@@ -85,6 +85,14 @@ class State(Arrays):
         #: Maximum number of particles that vents emit before the host reads the counts again.
         self.particles_ahead = 0
         self._declared = at.declared_arrays(form, effects)
+        declared = self._declared.items()
+        #: Names of the arrays that particles carry from stage to stage of a step, and from step to
+        #: step, and of the others in checkpoints.
+        self._of_step = [name for name, one in declared if one.is_of_step]
+        self._carried = [
+            name for name, one in declared if one.is_carried and not one.is_of_step
+        ]
+        self._saved = [name for name, one in declared if one.is_saved]
         self.cell_maps = CellMaps()
         self._arrays: dict[str, wp.array] = {}
         self._allocate(capacity)
@@ -122,9 +130,9 @@ class State(Arrays):
         for name, one in self._declared.items():
             (length,) = one.shape
             if length == 'particle':
-                items[name] = kinds[one.dtype], capacity
+                items[name] = kinds[one.dtype], (capacity,)
             elif name not in self._arrays:
-                others[name] = kinds[one.dtype], length
+                others[name] = kinds[one.dtype], (length,)
         arrays = zeros(items, self.device) | zeros(others, self.device)
         self.launches.forget()
         self._arrays |= arrays
@@ -204,7 +212,7 @@ class State(Arrays):
         """Grow if a copy of ``counts`` shows that it is necessary."""
         if self.needs_room(counts):
             # spare capacity is cheap while there are few particles
-            twice = 2 * self.capacity if self.capacity < FEW else 0
+            twice = 2 * self.capacity if self.capacity < FEW_PARTICLES else 0
             expected = at.count_in(counts) + self.particles_ahead
             self.grow(max(room_for(expected), room_for(self.capacity), twice))
 
@@ -215,7 +223,7 @@ class State(Arrays):
     @property
     def growth_threshold(self) -> float:
         """Maximum number of particles for which the capacity suffices until the next readback."""
-        return FULLEST * self.capacity - self.particles_ahead
+        return MAX_FILL * self.capacity - self.particles_ahead
 
     def grow(self, capacity: int) -> None:
         """Grow to a capacity of ``capacity`` particles and keep the existing ones.
@@ -236,22 +244,6 @@ class State(Arrays):
         for name, values in kept.items():
             wp.copy(self.arrays[name], values, count=count)
         self.write_count(at.FULL, 0)
-
-    @property
-    def _carried(self) -> list[str]:
-        """Names of the arrays that particles carry from step to step."""
-        declared = self._declared.items()
-        return [name for name, one in declared if one.is_carried and not one.is_of_step]
-
-    @property
-    def _of_step(self) -> list[str]:
-        """Names of the arrays that particles carry from stage to stage of a step."""
-        return [name for name, one in self._declared.items() if one.is_of_step]
-
-    @property
-    def _saved(self) -> list[str]:
-        """Names of the arrays in checkpoints that do not depend on the number of particles."""
-        return [name for name, one in self._declared.items() if one.is_saved]
 
     def write_target(
         self, time: float, limit: float | None = None, max_end: float = math.inf
@@ -301,7 +293,7 @@ class State(Arrays):
             kept['remainder'] = values[:, :2] - values[:, :2].astype(np.float32)
         if self.form.has_temperature_remainder:
             kept['temperature_remainder'] = values[:, 3] - values[:, 3].astype(np.float32)
-        if len(values) > FULLEST * self.capacity:
+        if len(values) > MAX_FILL * self.capacity:
             self._allocate(room_for(len(values)))
         _put(self.particle, values)
         for name in self._carried:

@@ -11,28 +11,40 @@ direction, quadratic across, the same at the corners, and curl-free.
 
 from functools import lru_cache
 import math
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
 
 from lava_ros.scene import Terrain
-from lava_ros.simulation.backend.compiled import load9
 from lava_ros.simulation.backend.memory import shared_array
 from lava_ros.simulation.particles.layout import arguments_type, centre_of, ground_type, REAL
+
+#: Strides of a 2-D array are in bytes.
+_PATCH = """
+    wp::mat_t<3, 3, NUMBER> patch;
+    for (int n = 0; n < 3; ++n) {
+        const NUMBER* row = reinterpret_cast<const NUMBER*>(
+            reinterpret_cast<const char*>(values.data) + size_t(i + n) * values.strides[0]) + j;
+        for (int m = 0; m < 3; ++m) {
+#if defined(__CUDA_ARCH__)
+            patch.data[n][m] = __ldg(row + m);
+#else
+            patch.data[n][m] = row[m];
+#endif
+        }
+    }
+    return patch;
+"""
+
+#: Maps of a terrain that simulations share.
+_HAS_DATA, _IS_SEA = attrgetter('has_data'), attrgetter('is_sea')
 
 
 def known_on(terrain: Terrain, device: Any) -> Any:
     """Return ``StaggeredTerrain.known``, which must not be written to."""
-    return shared_array(_has_data, terrain, wp.uint8, device)
-
-
-def _has_data(terrain: Terrain) -> np.ndarray:
-    return terrain.has_data
-
-
-def _is_sea(terrain: Terrain) -> np.ndarray:
-    return terrain.is_sea
+    return shared_array(_HAS_DATA, terrain, wp.uint8, device)
 
 
 class StaggeredTerrain:
@@ -54,7 +66,7 @@ class StaggeredTerrain:
         self.bare = shared_array(ringed_heights, terrain, REAL[precision], device)
         self.height, self.known, self.sea = self.bare, known_on(terrain, device), None
         if terrain.sea_level is not None:
-            self.sea = shared_array(_is_sea, terrain, wp.uint8, device)
+            self.sea = shared_array(_IS_SEA, terrain, wp.uint8, device)
         x0, y0 = np.asarray(terrain.origin) - centre_of(terrain)
         self.ground, self.exact_ground = ground_type(REAL[precision])(), ground_type(wp.float64)()
         for ground in (self.ground, self.exact_ground):
@@ -92,9 +104,7 @@ def _raise(real: Any) -> Any:
     return raise_top
 
 
-def sampled(
-    values: np.ndarray, before: Terrain, after: Terrain, *, outside: float
-) -> np.ndarray:
+def sampled(values: np.ndarray, before: Terrain, after: Terrain, *, outside: float) -> np.ndarray:
     """Sample values at the middles of the cells of another terrain, from the cells around them.
 
     ``values`` have the shape of the terrain ``before``; cells beyond it become ``outside``.
@@ -121,9 +131,7 @@ def averaged(values: np.ndarray, before: Terrain, after: Terrain) -> np.ndarray:
     return np.ascontiguousarray(values)
 
 
-def _averaged_along(
-    axis: int, values: np.ndarray, before: Terrain, after: Terrain
-) -> np.ndarray:
+def _averaged_along(axis: int, values: np.ndarray, before: Terrain, after: Terrain) -> np.ndarray:
     """Return the means along the columns (axis 0) or the rows of a grid."""
     side = 1 - axis
     offset = (after.origin[side] - before.origin[side]) / before.resolution
@@ -190,15 +198,26 @@ class TerrainFunctions(NamedTuple):
     """Device functions that read a staggered terrain."""
 
     gradient_at: Any
-    bend_at: Any
+    curvature_at: Any
     height_at: Any
+
+
+@lru_cache
+def _patch_function(real: Any) -> Any:
+    """Return the device function that reads rows i to i + 2, columns j to j + 2 of a 2-D array."""
+    mat33 = wp.types.matrix((3, 3), real)
+
+    @wp.func_native(_PATCH.replace('NUMBER', f'wp::{real.__name__}'))
+    def load(values: wp.array2d(dtype=real), i: int, j: int) -> mat33: ...
+
+    return load
 
 
 @lru_cache
 def terrain_functions(real: Any) -> TerrainFunctions:
     """Return the functions for gradient, curvature and height."""
     vec2 = wp.types.vector(2, real)
-    patch = load9(real)
+    patch = _patch_function(real)
 
     @wp.func
     def spline(n: int, t: real) -> real:
@@ -239,7 +258,7 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         return rise * inverse
 
     @wp.func
-    def bend_at(ground: ground_type(real), x: real, y: real) -> real:
+    def curvature_at(ground: ground_type(real), x: real, y: real) -> real:
         """Largest curvature of the surface whose gradient is ``gradient_at``, 0 on a dome."""
         inverse = real(1.0) / ground.resolution
         i, j, s, t = cell_at(ground, x, y)
@@ -261,8 +280,8 @@ def terrain_functions(real: Any) -> TerrainFunctions:
             twist += change * ((real(0.5) - s) * west + (real(0.5) + s) * east)
         mean = real(0.5) * (along + across)
         half = real(0.5) * (along - across)
-        bend = mean + wp.sqrt(half * half + twist * twist)
-        return wp.max(bend, real(0.0)) * inverse * inverse
+        largest = mean + wp.sqrt(half * half + twist * twist)
+        return wp.max(largest, real(0.0)) * inverse * inverse
 
     @wp.func
     def height_at(ground: ground_type(real), x: real, y: real) -> real:
@@ -275,17 +294,17 @@ def terrain_functions(real: Any) -> TerrainFunctions:
                 total += spline(m, t) * spline(n, s) * around[m, n]
         return total
 
-    return TerrainFunctions(gradient_at, bend_at, height_at)
+    return TerrainFunctions(gradient_at, curvature_at, height_at)
 
 
 @lru_cache
-def fall_function(real: Any) -> Any:
+def speed_limit_function(real: Any) -> Any:
     """Return the device function that limits a velocity at a place to that of free fall."""
     vec2 = wp.types.vector(2, real)
     height_at = terrain_functions(real).height_at
 
     @wp.func
-    def fallen(velocity: vec2, thickness: real, place: vec2, m: arguments_type(real)) -> vec2:
+    def limit_speed(velocity: vec2, thickness: real, place: vec2, m: arguments_type(real)) -> vec2:
         square = wp.dot(velocity, velocity)
         head = square / (real(2.0) * m.constants.gravity) - thickness
         kept = velocity
@@ -296,4 +315,4 @@ def fall_function(real: Any) -> Any:
                 kept *= wp.sqrt((fall + thickness) / (head + thickness))
         return kept
 
-    return fallen
+    return limit_speed

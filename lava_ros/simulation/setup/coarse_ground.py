@@ -16,25 +16,14 @@ from lava_ros.scene import Terrain
 from lava_ros.simulation.particles.terrain import ringed_heights
 
 
-def coarsen_ground(terrain: Terrain, doublings: int = 1) -> Terrain | None:
-    """Return the ground of cells of 2, 4, ... times the size, as elevations of the same cells.
+def coarsen_ground(terrain: Terrain) -> Terrain | None:
+    """Return the ground of cells twice as large, as elevations of the same cells.
 
-    Cells without data stay so.
-
-    Args:
-        terrain: The terrain.
-        doublings: 1 for cells twice as large, 2 for four times.
-
-    Returns:
-        The terrain, None if it has fewer than two of the larger cells along a side.
+    Cells without data stay so. None means that there are fewer than two larger cells along a side.
     """
-    coarse = terrain
-    for _ in range(doublings):
-        if min(coarse.shape) < 4:
-            return None
-        coarse = halve_ground(coarse)
-    for _ in range(doublings):
-        coarse = subdivide_ground(coarse)
+    if min(terrain.shape) < 4:
+        return None
+    coarse = subdivide_ground(halve_ground(terrain))
     fine = coarse.elevation[: terrain.shape[0], : terrain.shape[1]]
     return replace(terrain, elevation=np.where(terrain.has_data, fine, np.float32(np.nan)))
 

@@ -22,7 +22,6 @@ from lava_ros.simulation.selection import (
     Decision,
     effects_for,
     implied_effects,
-    noted,
 )
 
 #: Time of the first review as a fraction of the horizon; until half of it, each is at twice the
@@ -73,7 +72,7 @@ def watched_effects(scene: Scene, effects: Effects, forced: Mapping[str, bool]) 
 
 
 class EffectChoice:
-    """Which effects are on, and when they are reviewed.
+    """The effects that are on, and the time of their next review.
 
     Attributes:
         forced: Effects that the user has forced on or off, by name; None if the user has given
@@ -175,8 +174,8 @@ class EffectChoice:
             scene, self.all_forced(effects), accuracy=accuracy, horizon=self.horizon
         )
         return tuple(
-            noted(
-                item, effects, self.largest.get(item.name, math.nan),
+            item.in_run(
+                effects, self.largest.get(item.name, math.nan),
                 self.since.get(item.name, math.nan),
             )
             for item in decisions

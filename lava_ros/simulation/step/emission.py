@@ -16,19 +16,9 @@ import warp as wp
 
 from lava_ros.simulation.backend.compiled import quick_kernel, writing
 from lava_ros.simulation.output.covered_cells import note_function
+from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.cells import bin_function
-from lava_ros.simulation.particles.layout import (
-    arguments_type,
-    CURRENT,
-    Form,
-    FULL,
-    IS_LAST,
-    NEWCOMERS,
-    PARTICLES,
-    STAGES,
-    STEP,
-    TIME,
-)
+from lava_ros.simulation.particles.layout import arguments_type, Form
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.step.outlets import next_two, Outlets, place_of
 from lava_ros.simulation.step.timestep import fraction_after
@@ -45,12 +35,11 @@ def emission_function(form: Form) -> Any:
     vents, and the argument of all kernels of a stage (``arguments_type``).
     """
     real, order, bins = form.real, form.order, not form.has_empty
-    vec2 = wp.types.vector(2, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec4 = (wp.types.vector(n, real) for n in (2, 4))
     put = bin_function(real, False)
     note = note_function(real, True)
     # other particles move at the same time, so their number must not change
-    total = NEWCOMERS if bins else PARTICLES
+    total = at.NEWCOMERS if bins else at.PARTICLES
 
     @wp.func
     def released(
@@ -63,12 +52,12 @@ def emission_function(form: Form) -> Any:
         """
         slot = wp.atomic_add(m.counts, wp.static(total), due)
         if wp.static(bins):
-            slot += m.counts[PARTICLES]
+            slot += m.counts[at.PARTICLES]
         if slot + due > m.particle.shape[0]:
             # the capacity is used up: due particles stay in the conduit until the host has
             # enlarged it
             wp.atomic_sub(m.counts, wp.static(total), due)
-            m.counts[FULL] = 1
+            m.counts[at.FULL] = 1
             return 0
         for n in range(due):
             i = slot + n
@@ -101,14 +90,15 @@ def emission_function(form: Form) -> Any:
         'mean_temperature outlets.released outlets.due', put, note,
     )
     def emission(first: int, apart: int, outlets: Outlets, m: arguments_type(real)):
-        if m.counts[CURRENT] == 0:
+        if m.counts[at.CURRENT] == 0:
             return
-        time = m.clock[TIME]
+        time = m.clock[at.TIME]
         end = time
-        if m.counts[IS_LAST] == 0:
+        if m.counts[at.IS_LAST] == 0:
             # the clock is still at the start of the step
-            end += m.clock[STEP]
-            time += fraction_after(m.counts[CURRENT], m.counts[STAGES], order) * m.clock[STEP]
+            end += m.clock[at.STEP]
+            passed = fraction_after(m.counts[at.CURRENT], m.counts[at.STAGES], order)
+            time += passed * m.clock[at.STEP]
         for v in range(first, outlets.starts.shape[0] - 1, apart):
             k = outlets.starts[v]
             # read the tables only when a particle is due, within rounding

@@ -26,7 +26,7 @@ one-sided, so it has no weight there, where l |grad h| is 3 h. The mean exchange
 
 The balance has no inertia, so nothing bounds its speed: at a wall, or where lava is thin as water,
 it could exceed any free fall. The speed is therefore limited by the energy of the fall. A particle
-on ground of height H has fallen from at most the highest ground that lava came from,
+on ground of height H has limit_speed from at most the highest ground that lava came from,
 ``State.top``, and lies h deep: u^2 <= 2 g (max(top - H, 0) + h). The limit never affects lava with
 u^2 <= 2 g h. Since inertia is selected where u^2 / (g h) exceeds 0.1 (``selection.py``), that is
 all lava for which the balance is valid.
@@ -48,6 +48,7 @@ from lava_ros.simulation.backend.compiled import (
     raise_to,
     sum_over,
 )
+from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.cells import (
     cell_functions,
     sum_neighbors,
@@ -55,16 +56,9 @@ from lava_ros.simulation.particles.cells import (
     wide_sums_function,
 )
 from lava_ros.simulation.particles.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
-from lava_ros.simulation.particles.layout import (
-    ADVECTION,
-    age_at,
-    arguments_type,
-    DIFFUSION,
-    PARTICLES,
-    STAGE,
-    TIME,
-)
-from lava_ros.simulation.particles.terrain import fall_function, terrain_functions
+from lava_ros.simulation.particles.layout import age_at, arguments_type
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.particles.terrain import speed_limit_function, terrain_functions
 
 #: Slope of an even layer at its edge, over the thickness there and times the kernel's radius.
 _EDGE = 3.0
@@ -73,9 +67,7 @@ _EDGE = 3.0
 @lru_cache
 def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     """Return the device function from a surface gradient to velocity, drive and rates."""
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec3, vec4 = (wp.types.vector(n, real) for n in (2, 3, 4))
     _, store = access(real, 4)
     viscosity = viscosity_function(wp, real, effects)
     _, x_k1 = bessel(real)
@@ -86,7 +78,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     has_age, has_velocity = effects.any('needs_age'), effects.any('needs_velocity')
     is_lateral, has_drop = effects.any('is_lateral'), effects.any('needs_drop')
     column_struct, raised = column_type(real), raise_to(real)
-    fallen, bend_at = fall_function(real), terrain_functions(real).bend_at
+    limit_speed, curvature_at = speed_limit_function(real), terrain_functions(real).curvature_at
 
     @wp.func
     def balance(
@@ -94,7 +86,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         m: arguments_type(real), fills_flow: bool,
     ):
         place = vec2(p[0], p[1])
-        bend = bend_at(m.ground, p[0], p[1])
+        curvature = curvature_at(m.ground, p[0], p[1])
         weight = m.constants.weight
         if wp.static(speed is None):
             mobility = weight * height * height / (real(3.0) * viscosity(m.law, temperature))
@@ -114,7 +106,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
                 column.slope = layer[1]
                 on_map = layer[2]
             if wp.static(has_age):
-                column.age = real(age_at(m.clock[TIME], m.ordered_emission_time[i]))
+                column.age = real(age_at(m.clock[at.TIME], m.ordered_emission_time[i]))
             response = on_map * speed(m.law, weight, column)
             mobility = response[0]
             largest = response[1]
@@ -125,7 +117,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         velocity = -mobility * surface
         bounded = velocity
         if wp.static(not has_velocity):
-            bounded = fallen(velocity, height, place, m)
+            bounded = limit_speed(velocity, height, place, m)
         if wp.static(not is_lateral):
             # lateral stress uses it as the driving force, and the mean is limited
             velocity = bounded
@@ -159,38 +151,32 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
                 reduced = wp.min(rate, reduced / whole)
             rate = reduced
         # lava flows to the bottom of a hollow, and would overshoot it as on level ground
-        rate += largest * bend * m.constants.inverse_diffusion_number
+        rate += largest * curvature * m.constants.inverse_diffusion_number
         if wp.static(has_velocity):
             # the balance of momentum needs the slope, and has its own limits
             m.flow[i] = vec3(height, surface.x, surface.y)
         else:
-            raised(m.rates, DIFFUSION, rate)
+            raised(m.rates, at.DIFFUSION, rate)
             if wp.static(not helmholtz):
                 # the speed under lateral stress is known only after it is solved
-                raised(m.rates, ADVECTION, wp.length(bounded) / m.constants.reach)
+                raised(m.rates, at.ADVECTION, wp.length(bounded) / m.constants.reach)
 
     return balance
 
 
-@lru_cache
-def flow_kernels(
-    real: Any, kernel_name: str, is_balanced: bool, effects: Effects, lanes: int = 1,
-    parts: int = 1, is_short: bool = False, is_wide: bool = False, has_means: bool = True,
-) -> tuple[Any, Any]:
-    """Return the kernels that compute thickness and local velocity, for one set of effects.
+def flow_kernels(state: State, kernel_name: str, *, has_means: bool) -> tuple[Any, Any]:
+    """Return the kernels that compute thickness and local velocity of the particles of a state.
 
-    The first one, ``elevate``, is None unless the gradient ``is_balanced``.
-    ``parts`` is the number of parts in which a particle's neighbours are summed, ``lanes`` the
-    number of threads per particle: as many, or one. ``is_short``: latency dominates the launch.
-    ``is_wide``: a CPU processes several neighbours at a time (simd.py).
+    The first one, ``elevate``, is None unless the gradient needs the surface at the particles.
     Without ``has_means`` each particle moves by its own temperature.
     """
+    real, effects, shared = state.real, state.effects, (state.lanes, state.parts)
     has_heat = has_means and effects.any('stiffens')
-    if is_balanced:
-        elevate = _elevation_kernel(real, kernel_name, lanes, parts)
-        return elevate, _balanced_kernel(real, kernel_name, effects, lanes, parts, has_heat)
+    if state.form.has_surface:
+        elevate = _elevation_kernel(real, kernel_name, *shared)
+        return elevate, _balanced_kernel(real, kernel_name, effects, has_heat, *shared)
     return None, _energy_kernel(
-        real, kernel_name, effects, lanes, parts, is_short, is_wide, has_heat
+        real, kernel_name, effects, has_heat, *shared, state.is_short, state.is_wide
     )
 
 
@@ -200,26 +186,25 @@ def _mean_temperature_function(real: Any) -> Any:
 
     @wp.func
     def mean_temperature(own: real, warmer: real, rise: vec2, height: real, radius: real) -> real:
-        beside = wp.length(rise) * radius / (real(_EDGE) * height)
-        return own + wp.max(real(1.0) - beside, real(0.0)) * warmer
+        steepness = wp.length(rise) * radius / (real(_EDGE) * height)
+        return own + wp.max(real(1.0) - steepness, real(0.0)) * warmer
 
     return mean_temperature
 
 
 @lru_cache
 def _energy_kernel(
-    real: Any, kernel_name: str, effects: Effects, lanes: int, parts: int, is_short: bool,
-    is_wide: bool, has_heat: bool,
+    real: Any, kernel_name: str, effects: Effects, has_heat: bool, lanes: int, parts: int,
+    is_short: bool, is_wide: bool,
 ) -> Any:
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
+    vec2, vec3 = (wp.types.vector(n, real) for n in (2, 3))
     kernel = smoothing_kernel(kernel_name, real)
     norm, excess = kernel.norm, kernel.excess
     shape_factor, slope_factor = kernel.factors
     sums_around, sums_with_heat = (
         wide_sums_function(kernel.wide_terms, heat)
         if is_wide and kernel.wide_terms
-        else sums_function(real, kernel, parts, heat, lanes)
+        else sums_function(real, kernel, lanes, parts, heat)
         for heat in (False, True)
     )
     gradient_at = terrain_functions(real).gradient_at
@@ -236,7 +221,7 @@ def _energy_kernel(
     def thickness_and_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes
-        if i >= m.counts[PARTICLES]:
+        if i >= m.counts[at.PARTICLES]:
             return
         p = load(m.ordered, i)
         radius = m.constants.radius
@@ -247,7 +232,7 @@ def _energy_kernel(
         warmer = real(0.0)
         if wp.static(has_heat):
             # in the course of a step it stays with the particle
-            if m.counts[STAGE] == 0:
+            if m.counts[at.STAGE] == 0:
                 more = sums_with_heat(lane, m.ordered, m.cells, box, p, inverse)
                 sums = vec3(more[0], more[1], more[2])
                 warmer = total(more[3])
@@ -267,7 +252,7 @@ def _energy_kernel(
         ground = gradient_at(m.ground, p[0], p[1])
         rise = vec2(rise_x, rise_y) * (scale * inverse)
         if wp.static(has_heat):
-            if m.counts[STAGE] == 0:
+            if m.counts[at.STAGE] == 0:
                 mean = mean_temperature(p[3], warmer, rise, height, radius)
                 m.ordered_mean_temperature[i] = mean
             else:
@@ -279,9 +264,7 @@ def _energy_kernel(
 
 @lru_cache
 def _elevation_kernel(real: Any, kernel_name: str, lanes: int, parts: int) -> Any:
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec3, vec4 = (wp.types.vector(n, real) for n in (2, 3, 4))
     kernel = smoothing_kernel(kernel_name, real)
     norm, shape, excess = kernel.norm, kernel.shape, kernel.excess
     height_at = terrain_functions(real).height_at
@@ -305,7 +288,7 @@ def _elevation_kernel(real: Any, kernel_name: str, lanes: int, parts: int) -> An
         """Compute thickness, surface elevation and area V / h of each particle."""
         i = thread // lanes
         lane = thread % lanes
-        if i >= m.counts[PARTICLES]:
+        if i >= m.counts[at.PARTICLES]:
             return
         p = load(m.ordered, i)
         radius = m.constants.radius
@@ -324,10 +307,9 @@ def _elevation_kernel(real: Any, kernel_name: str, lanes: int, parts: int) -> An
 
 @lru_cache
 def _balanced_kernel(
-    real: Any, kernel_name: str, effects: Effects, lanes: int, parts: int, has_heat: bool
+    real: Any, kernel_name: str, effects: Effects, has_heat: bool, lanes: int, parts: int
 ) -> Any:
-    vec2 = wp.types.vector(2, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec4 = (wp.types.vector(n, real) for n in (2, 4))
     vec10 = wp.types.vector(10, real)
     mat22 = wp.types.matrix((2, 2), real)
     kernel = smoothing_kernel(kernel_name, real)
@@ -373,7 +355,7 @@ def _balanced_kernel(
     def balanced_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes
-        if i >= m.counts[PARTICLES]:
+        if i >= m.counts[at.PARTICLES]:
             return
         p = load(m.ordered, i)
         radius = m.constants.radius

@@ -27,15 +27,15 @@ from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.step.outlets import Outlets
 from lava_ros.simulation.step.timestep import (
     choice_function,
-    DIRECTORS,
-    Pace,
+    FIRST_BLOCK,
     StageChoice,
+    StepLimits,
 )
 
 #: Threads per block and minimum number of blocks per GPU processor, by whether there are few
 #: particles, alone or in a batch. The first block's work needs more registers than the rest; with
 #: many particles it keeps some values in local memory, which delays nothing else.
-BOUNDS = {True: FEW_THREADS, False: (DIRECTORS, 6)}
+BOUNDS = {True: FEW_THREADS, False: (FIRST_BLOCK, 6)}
 
 
 @lru_cache
@@ -43,10 +43,10 @@ def _function(real: Any, choose: Any, emission: Any, emitters: int) -> Any:
     @wp.func
     @writing('chosen', choose, emission)
     def choose_and_emit(
-        thread: int, pace: Pace, outlets: Outlets, m: arguments_type(real)
+        thread: int, limits: StepLimits, outlets: Outlets, m: arguments_type(real)
     ):
         if thread == 0:
-            choose(pace, m)
+            choose(limits, m)
         announce(m.chosen)
         if wp.static(emission is not None):  # noqa: SIM102, the static test decides
             if thread < wp.static(emitters):
@@ -58,10 +58,8 @@ def _function(real: Any, choose: Any, emission: Any, emitters: int) -> Any:
 @lru_cache
 def _kernel(real: Any, function: Any) -> Any:
     @quick_kernel(writes=function)
-    def choose_stage(
-        thread: int, pace: Pace, outlets: Outlets, m: arguments_type(real)
-    ):
-        function(thread, pace, outlets, m)
+    def choose_stage(thread: int, limits: StepLimits, outlets: Outlets, m: arguments_type(real)):
+        function(thread, limits, outlets, m)
 
     return choose_stage
 
@@ -75,25 +73,21 @@ def is_within_the_motion(state: State, *, sums_up: bool) -> bool:
     return is_worth_it and not state.form.has_velocity
 
 
-def choice_within_motion(state: State, pace: Any, outlets: Any, emission: Any) -> StageChoice:
-    """Let a motion choose its stage, and emit by an ``emission_function`` unless it is None."""
+def stage_choice(
+    state: State, limits: Any, outlets: Any, emission: Any, arguments: Any, *, sums_up: bool
+) -> StageChoice:
+    """Return the choice of a stage by its motion, or after a launch of one block has made it.
+
+    Either also emits by an ``emission_function``, unless it is None.
+    """
     choose = choice_function(state.form, state.effects.any('freezes'))
     # one number for any vents: each different one would be another kernel
-    threads = state.emitting_threads(DIRECTORS)
+    threads = state.emitting_threads(FIRST_BLOCK)
     function = _function(state.real, choose, emission, threads)
-    has_long_sums = state.is_short or state.lanes < state.parts
-    return StageChoice(pace, outlets, function, BOUNDS[has_long_sums])
-
-
-def choose_before_motion(state: State, choice: StageChoice, arguments: Any) -> StageChoice:
-    """Choose a stage in a launch of one block before the motion, instead of within it.
-
-    Returns:
-        The choice to pass to the motion.
-    """
-    threads = DIRECTORS if state.device.is_cuda else 1
-    kernel = _kernel(state.real, choice.function)
-    state.launches(
-        kernel, [choice.pace, choice.outlets, arguments], dim=threads, block_dim=threads
-    )
-    return StageChoice(choice.pace, choice.outlets)
+    if is_within_the_motion(state, sums_up=sums_up):
+        has_long_sums = state.is_short or state.lanes < state.parts
+        return StageChoice(limits, outlets, function, BOUNDS[has_long_sums])
+    block = FIRST_BLOCK if state.device.is_cuda else 1
+    kernel = _kernel(state.real, function)
+    state.launches(kernel, [limits, outlets, arguments], dim=block, block_dim=block)
+    return StageChoice(limits, outlets)

@@ -26,7 +26,7 @@ from lava_ros.simulation.particles.layout import age_at, arguments_type, Form
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import terrain_functions
 from lava_ros.simulation.step.outlets import Outlets
-from lava_ros.simulation.step.timestep import DIRECTORS, Pace, StageChoice
+from lava_ros.simulation.step.timestep import FIRST_BLOCK, StageChoice, StepLimits
 
 #: Maximum displacement in a step over the one it was chosen for: speeds may rise within a step.
 _MAX_DISPLACEMENT_GROWTH = 2.0
@@ -88,8 +88,7 @@ def _heating_function(form: Form, effects: Effects) -> Any:
     warming, column_struct = warming_function(wp, real, effects), column_type(real)
     if warming is None:
         return None
-    vec2 = wp.types.vector(2, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec4 = (wp.types.vector(n, real) for n in (2, 4))
     gradient_at, _, height_at, *_ = terrain_functions(real)
     cosine_squared = effects.function('cosine_squared', real)
     ages_in_place, has_speed = effects.any('ages_in_place'), effects.any('needs_speed')
@@ -162,8 +161,7 @@ def motion_function(form: Form, effects: Effects) -> Any:
     place = bin_function(real, False)
     load, store = compiled.access(real, 4)
     load_pair, store_pair = compiled.access(real, 2)
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec3, vec4 = (wp.types.vector(n, real) for n in (3, 4))
     heated = _heating_function(form, effects)
     note, freezes = note_function(real, False), effects.any('freezes')
 
@@ -251,15 +249,15 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
 
     @quick_kernel(writes=(motion, choose_and_emit), bounds=bounds)
     def move(
-        i: int, flow: wp.array(dtype=vec3), pace: Pace, outlets: Outlets,
+        i: int, flow: wp.array(dtype=vec3), limits: StepLimits, outlets: Outlets,
         m: arguments_type(real),
     ):
         if wp.static(choose_and_emit is not None):
-            if i < wp.static(DIRECTORS):
-                choose_and_emit(i, pace, outlets, m)
+            if i < wp.static(FIRST_BLOCK):
+                choose_and_emit(i, limits, outlets, m)
                 return
-            i -= wp.static(DIRECTORS)
-        if i >= compiled.past_the_cache(m.counts, at.PARTICLES):
+            i -= wp.static(FIRST_BLOCK)
+        if i >= compiled.load_uncached(m.counts, at.PARTICLES):
             return
         p, f = load(m.ordered, i), flow[i]
         if wp.static(choose_and_emit is not None):
@@ -277,7 +275,7 @@ def move_particles(state: State, arguments: Any, choice: StageChoice, motion: An
     launch_over(
         state,
         _kernel(state.real, motion, choice.function, choice.bounds),
-        [state.flow, choice.pace, choice.outlets, arguments],
+        [state.flow, choice.limits, choice.outlets, arguments],
         min_items=MIN_MOVES,
         ahead=choice.threads,
     )

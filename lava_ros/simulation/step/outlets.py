@@ -5,7 +5,7 @@
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import cos_pi, sin_pi
+from lava_ros.simulation.backend.compiled import on_cuda
 
 
 @wp.struct
@@ -84,6 +84,16 @@ def next_two(v: int, outlets: Outlets) -> wp.vec2d:
     return wp.vec2d(due_at(v, following, outlets), due_at(v, after, outlets))
 
 
+@wp.func_native(on_cuda('return cospi(x);', 'return wp::cos(3.141592653589793 * x);'))
+def _cos_pi(x: wp.float64) -> wp.float64:
+    """Return cos(pi x), which CUDA computes without a table for large angles."""
+
+
+@wp.func_native(on_cuda('return sinpi(x);', 'return wp::sin(3.141592653589793 * x);'))
+def _sin_pi(x: wp.float64) -> wp.float64:
+    """Return sin(pi x)."""
+
+
 @wp.func
 def place_of(v: int, n: int, outlets: Outlets) -> wp.vec2d:
     """Return the place of a vent's n-th particle from the terrain's centre [m].
@@ -129,8 +139,8 @@ def place_of(v: int, n: int, outlets: Outlets) -> wp.vec2d:
             # in half turns; away from the sides of its eighth, so that no point meets its mirror
             # image
             angle = wp.float64(0.25) * (wp.float64(0.1) + wp.float64(0.8) * a)
-        x = radius * wp.sqrt(b) * cos_pi(angle)
-        y = radius * wp.sqrt(b) * sin_pi(angle)
+        x = radius * wp.sqrt(b) * _cos_pi(angle)
+        y = radius * wp.sqrt(b) * _sin_pi(angle)
         if part % 2 == 1:
             swapped = x
             x = y

@@ -9,21 +9,20 @@ from typing import Any
 import warp as wp
 
 from lava_ros.simulation.backend.compiled import access, quick_kernel
-from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.layout import arguments_type, PARTICLES
-from lava_ros.simulation.particles.state import State
 
 
 @lru_cache
-def _published_kernel(real: Any) -> Any:
+def published_kernel(real: Any) -> Any:
     """Return the kernel of the velocity as the paper prints it (3.36 to 3.44), for comparison.
 
     u_i = h_i^3 sum_j K0(r) b_j / sum_j K0(r) over neighbours within l, with
     b = -h^3 rho g grad S / (f(theta) mu). Printed in it: the velocity is multiplied by h^3 instead
     of divided by k^2 h^3; the viscosity counts twice, as f(theta) and as mu; K0 is its two-term
     series of the bare distance r in metres, without k; and K0(0) is K0(0.001). The paper writes
-    |u| for the distance; the distance of two particles is used here.
+    |u| for the distance; the distance of two particles is used here. ``source`` and ``area`` must
+    be filled; ``viscosity`` is the constant mu [Pa s].
     """
     vec3 = wp.types.vector(3, real)
     _, _, cells_around, range_in = cell_functions(real)
@@ -63,11 +62,3 @@ def _published_kernel(real: Any) -> Any:
         m.flow[i] = vec3(height, scale * x, scale * y)
 
     return published_velocity
-
-
-def publish_velocity(state: State, arguments: Any, viscosity: float) -> None:
-    """Replace the local velocity in ``state.flow`` by that of the printed formulas.
-
-    ``source`` and ``area`` of the state must be filled; ``viscosity`` is the constant mu [Pa s].
-    """
-    launch_over(state, _published_kernel(state.real), [arguments, viscosity])

@@ -4,7 +4,6 @@
 """Computations of one stage of a time step, algorithm 1 of the paper, in their order."""
 
 from collections.abc import Callable
-from functools import partial
 import math
 from typing import Any
 
@@ -17,7 +16,7 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.particles.kernels import smoothing_kernel
-from lava_ros.simulation.particles.layout import arguments_type, flow_constants_of, THICKEST
+from lava_ros.simulation.particles.layout import arguments_type, flow_constants_of, MAX_SOLVED
 from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
@@ -25,12 +24,8 @@ from lava_ros.simulation.step import motion, timestep
 from lava_ros.simulation.step.effects import parts_of
 from lava_ros.simulation.step.emission import emission_function, emit
 from lava_ros.simulation.step.flow import flow_kernels
-from lava_ros.simulation.step.fused_stage import (
-    choice_within_motion,
-    choose_before_motion,
-    is_within_the_motion,
-)
-from lava_ros.simulation.step.published_flow import publish_velocity
+from lava_ros.simulation.step.fused_stage import stage_choice
+from lava_ros.simulation.step.published_flow import published_kernel
 from lava_ros.simulation.step.timestep import StageChoice
 from lava_ros.simulation.step.vents import VentSet
 
@@ -51,7 +46,7 @@ class Stage:
         self._accuracy, self._effects = accuracy, state.effects
         self._viscosity = scene.lava.viscosity
         self._state, self._neighbors = state, neighbors
-        self._pace: tuple[Scene, VentSet, Any] | None = None
+        self._limits: tuple[Scene, VentSet, Any] | None = None
         self.constants = _flow_constants(scene, accuracy, state.real)
         self._fixed = {
             'ground': terrain.ground,
@@ -61,9 +56,6 @@ class Stage:
         }
         self._cells: Any = None
         self._arguments: Any = None
-        self._flow_kernels = partial(
-            flow_kernels, state.real, accuracy.kernel, state.form.has_surface, state.effects
-        )
         self._is_published = accuracy.formulation == 'as-published'
         self.parts = {
             name: part(scene, accuracy, terrain, state) for name, part in parts_of(state.effects)
@@ -90,32 +82,31 @@ class Stage:
         if self._mover is None:
             # before the choice of the step, which depends on the speed
             self.finish_flow()
-        pace, arguments, outlets = self._pace_of(scene, vents), self.arguments, vents.outlets
+        limits, arguments, outlets = self._limits_of(scene, vents), self.arguments, vents.outlets
         emission, has_empty = emission_function(state.form), state.form.has_empty
-        choice = choice_within_motion(state, pace, outlets, None if has_empty else emission)
-        if not is_within_the_motion(state, sums_up=self._mover is not None):
-            choice = choose_before_motion(state, choice, arguments)
+        choice = stage_choice(
+            state, limits, outlets, None if has_empty else emission, arguments,
+            sums_up=self._mover is not None,
+        )
         self._move(arguments, choice)
         if has_empty:
             emit(state, emission, outlets, arguments)
 
-    def _pace_of(self, scene: Scene, vents: VentSet) -> Any:
+    def _limits_of(self, scene: Scene, vents: VentSet) -> Any:
         """Return the (cached) arguments for the choice of a stage."""
-        if self._pace is None or self._pace[0] is not scene or self._pace[1] is not vents:
+        if self._limits is None or self._limits[0] is not scene or self._limits[1] is not vents:
             accuracy, device = self._accuracy, self._state.device
-            pace = timestep.Pace()
-            pace.longest = longest_step(
-                scene, accuracy, self._effects, self.constants.reach
-            )
-            pace.ends, pace.limits = (
+            limits = timestep.StepLimits()
+            limits.longest = longest_step(scene, accuracy, self._effects, self.constants.reach)
+            limits.span_ends, limits.span_steps = (
                 wp.array(column, dtype=wp.float64, device=device)
                 for column in vents.step_limits.T[:2]
             )
-            pace.fixed = accuracy.fixed_step or 0.0
-            pace.few = int(timestep.FEW * accuracy.refinement)
-            pace.due = vents.outlets.due
-            self._pace = scene, vents, pace
-        return self._pace[2]
+            limits.fixed = accuracy.fixed_step or 0.0
+            limits.few_particles = int(timestep.FEW_PARTICLES * accuracy.refinement)
+            limits.due = vents.outlets.due
+            self._limits = scene, vents, limits
+        return self._limits[2]
 
     def compute_flow(self, *, fills_flow: bool = True) -> None:
         """Compute thickness and local velocity of the ordered particles, and raise the rates.
@@ -124,10 +115,8 @@ class Stage:
         stress in ``source`` and ``area``.
         """
         state, arguments = self._state, self.arguments
-        elevate, flow = self._flow_kernels(
-            state.lanes, state.parts, state.is_short, state.is_wide,
-            not self._is_published,
-        )
+        name, has_means = self._accuracy.kernel, not self._is_published
+        elevate, flow = flow_kernels(state, name, has_means=has_means)
         if state.form.has_surface:
             launch_over(state, elevate, [arguments], lanes=state.lanes)
         launch_over(state, flow, [arguments, fills_flow], lanes=state.lanes)
@@ -135,7 +124,8 @@ class Stage:
     def finish_flow(self) -> None:
         """Let effects replace the local velocities: by lateral stress or momentum."""
         if self._is_published:
-            publish_velocity(self._state, self.arguments, self._viscosity)
+            kernel = published_kernel(self._state.real)
+            launch_over(self._state, kernel, [self.arguments, self._viscosity])
             return
         for part in self.parts.values():
             part.compute_velocity(self.arguments)
@@ -190,5 +180,5 @@ def _flow_constants(scene: Scene, accuracy: Accuracy, real: Any) -> Any:
     constants.thickest = math.inf
     constants.threshold = accuracy.inundation_threshold
     if accuracy.thickness is not None:
-        constants.thickest = THICKEST * accuracy.thickness
+        constants.thickest = MAX_SOLVED * accuracy.thickness
     return constants

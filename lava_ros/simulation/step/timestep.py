@@ -23,7 +23,7 @@ from lava_ros.simulation.particles.layout import arguments_type, Form
 LIMITS = ('longest', 'diffusion', 'advection', 'fixed', 'waves')
 
 #: Threads of the first block of a motion, which may choose its stage (fused_stage.py).
-DIRECTORS = FEW_THREADS[0]
+FIRST_BLOCK = FEW_THREADS[0]
 
 #: Maximum number of stages of a step: more would lose digits, not save steps.
 MAX_STAGES = 64
@@ -59,14 +59,16 @@ def fraction_after(stage: int, stages: int, order: int) -> wp.float64:
 #: Maximum number of particles for which steps end when a particle is due, at a refinement of 1. A
 #: late one changes the volume of n by 1/n and the radius by 1/(2 n): with more of them by less
 #: than the error of the edge that the presets state, 0.004 at standard, 0.008 at draft.
-FEW = 128
+FEW_PARTICLES = 128
 
 #: Fraction of a step by which it ends after a particle is due, so that rounding does not delay it.
 _AFTERWARDS = 1e-6
 
 
 @wp.func
-def up_to_one(due: wp.array(dtype=wp.vec2d), time: wp.float64, step: wp.float64) -> wp.float64:
+def until_next_particle(
+    due: wp.array(dtype=wp.vec2d), time: wp.float64, step: wp.float64
+) -> wp.float64:
     """Return a step that ends when particles are due, if they are due at one moment of it.
 
     Particles are emitted at the ends of stages. If steps are shorter than the time between two
@@ -113,23 +115,23 @@ def longest_from(
 
 
 @wp.struct
-class Pace:
+class StepLimits:
     """Limits of a step.
 
     Attributes:
         longest: Longest step that the user and the effects allow [s].
-        ends: End of each span of constant discharge [s]; the last one is infinite.
-        limits: Longest step in each span [s].
+        span_ends: End of each span of constant discharge [s]; the last one is infinite.
+        span_steps: Longest step in each span [s].
         fixed: Step that overrides all limits [s]; 0 without.
-        few: Number of particles below which steps end when particles are due.
+        few_particles: Number of particles below which steps end when particles are due.
         due: Times at which the next particles are due [s] (``Outlets``).
     """
 
     longest: wp.float64
-    ends: wp.array(dtype=wp.float64)
-    limits: wp.array(dtype=wp.float64)
+    span_ends: wp.array(dtype=wp.float64)
+    span_steps: wp.array(dtype=wp.float64)
     fixed: wp.float64
-    few: wp.int32
+    few_particles: wp.int32
     due: wp.array(dtype=wp.vec2d)
 
 
@@ -137,13 +139,13 @@ class StageChoice(NamedTuple):
     """Choice of the stage of a motion.
 
     Attributes:
-        pace: Arguments of the choice of a stage (timestep.py).
+        limits: The ``StepLimits``.
         outlets: The tables of the vents.
         function: Device function for that block; None if other launches choose and emit.
         bounds: The ``bounds`` of ``quick_kernel``; None without the function.
     """
 
-    pace: Any
+    limits: Any
     outlets: Any
     function: Any = None
     bounds: tuple[int, int] | None = None
@@ -151,7 +153,7 @@ class StageChoice(NamedTuple):
     @property
     def threads(self) -> int:
         """Number of threads before those of the particles."""
-        return 0 if self.function is None else DIRECTORS
+        return 0 if self.function is None else FIRST_BLOCK
 
 
 @lru_cache
@@ -169,7 +171,7 @@ def choice_function(form: Form, freezes: bool) -> Any:
 
     @wp.func
     @writing('clock counts stage cold')
-    def choose(pace: Pace, m: arguments_type(real)):
+    def choose(limits: StepLimits, m: arguments_type(real)):
         one = wp.float64(1.0)
         # read everything before writing anything: reads after a write would be repeated one by one
         time = m.clock[at.TIME]
@@ -194,7 +196,7 @@ def choice_function(form: Form, freezes: bool) -> Any:
                 return
             former = step
             remaining = end - time
-            step = longest_from(time, pace.longest, pace.ends, pace.limits)
+            step = longest_from(time, limits.longest, limits.span_ends, limits.span_steps)
             limit = 0
             explicit = step
             if diffusion * step > one:
@@ -211,17 +213,17 @@ def choice_function(form: Form, freezes: bool) -> Any:
             if advection * step > one:
                 step = one / advection
                 limit = 2
-            if pace.fixed > wp.float64(0.0):
-                step = pace.fixed
+            if limits.fixed > wp.float64(0.0):
+                step = limits.fixed
                 limit = 3
             full = step
             if remaining <= step:
                 step = remaining
-            elif remaining < wp.float64(2.0) * step and pace.fixed == wp.float64(0.0):
+            elif remaining < wp.float64(2.0) * step and limits.fixed == wp.float64(0.0):
                 # two equal steps rather than a full one and a sliver
                 step = wp.float64(0.5) * remaining
-            if pace.fixed == wp.float64(0.0) and particles < pace.few:
-                step = up_to_one(pace.due, time, step)
+            if limits.fixed == wp.float64(0.0) and particles < limits.few_particles:
+                step = until_next_particle(limits.due, time, step)
             ending = time + step
             if wp.abs(end - ending) < wp.float64(1e-9) * step:
                 ending = end
@@ -258,13 +260,9 @@ def choice_function(form: Form, freezes: bool) -> Any:
                 n = wp.float64(j)
                 mu = (wp.float64(2.0) * n - one) / n * _b(j, order) / _b(j - 1, order)
                 m.stage[at.FORMER] = real(mu)
-                m.stage[at.BEFORE_FORMER] = real(
-                    -(n - one) / n * _b(j, order) / _b(j - 2, order)
-                )
+                m.stage[at.BEFORE_FORMER] = real(-(n - one) / n * _b(j, order) / _b(j - 2, order))
                 m.stage[at.VELOCITY] = real(mu * w * step)
-                m.stage[at.FIRST_VELOCITY] = real(
-                    -(one - _b(j - 1, order)) * mu * w * step
-                )
+                m.stage[at.FIRST_VELOCITY] = real(-(one - _b(j - 1, order)) * mu * w * step)
         if j == s:
             m.counts[at.IS_LAST] = 1
             m.counts[at.STAGE] = 0

@@ -23,7 +23,7 @@ _FACTORS = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.0)
 
 
 class VentShape(NamedTuple):
-    """Where a vent is; attributes as those of ``Vent``."""
+    """Position and size of a vent; attributes as those of ``Vent``."""
 
     position: tuple[float, float]
     radius: float

@@ -6,7 +6,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
-from itertools import count, pairwise
+from itertools import count
 import math
 from typing import Any
 
@@ -87,12 +87,10 @@ class Emission:
         Raises:
             LavaError: If an array is missing or has another number of vents.
         """
-        kinds = {'released': np.int32}
+        kinds = {item.name: np.float64 for item in fields(cls)} | {'released': np.int32}
         return cls(**{
-            name: fitting(
-                f'vents.{name}', arrays.get(name), (number,), kinds.get(name, np.float64)
-            )
-            for name in (item.name for item in fields(cls))
+            name: fitting(f'vents.{name}', arrays.get(name), (number,), kind)
+            for name, kind in kinds.items()
         })
 
     def continued(self, matches: Sequence[int | None], new: 'Emission') -> 'Emission':
@@ -105,24 +103,37 @@ class Emission:
         return Emission(**result)
 
 
-class VentSet:
-    """The vents of one span of time, on a device.
+class OpenVents:
+    """The vents of one span of time.
 
     Attributes:
         vents: The vents.
         since: Time from which they emit [s].
+    """
+
+    def __init__(self, vents: tuple[Vent, ...], since: float) -> None:
+        """Store the vents, and the time from which they emit [s]."""
+        self.vents, self.since = vents, since
+
+    def volumes(self, time: float) -> list[float]:
+        """Return the volume [m3] that each vent has emitted from ``since`` to a time [s]."""
+        return [vent.volume_between(self.since, time) for vent in self.vents]
+
+    def emitted(self, time: float) -> float:
+        """Return the volume [m3] that all vents have emitted from ``since`` to a time [s]."""
+        return sum(self.volumes(time))
+
+
+class VentSet(OpenVents):
+    """Vents that emit particles, on a device.
+
+    Attributes:
         counted: Indices of the vents whose ground ``ParticleSolver.raise_top`` has counted.
     """
 
     def __init__(
-        self,
-        vents: tuple[Vent, ...],
-        terrain: Terrain,
-        accuracy: Accuracy,
-        device: Any,
-        *,
-        since: float,
-        before: Emission,
+        self, vents: tuple[Vent, ...], terrain: Terrain, accuracy: Accuracy, device: Any, *,
+        since: float, before: Emission,
     ) -> None:
         """Build the vents' tables.
 
@@ -134,13 +145,12 @@ class VentSet:
             since: Time from which they emit [s].
             before: Emission of each vent until then.
         """
+        super().__init__(vents, since)
         spacing, thickness = accuracy.spacing, accuracy.thickness
         assert spacing is not None
-        self.vents = vents
-        self.since = since
         self.counted: set[int] = set()
         # read at each advance, so computed once
-        self._opening = [vent.next_opening(since) for vent in self.vents]
+        self._opening = [vent.next_opening(since) for vent in vents]
         self._particle_volume = particle_volume = accuracy.particle_volume
         self._thickness, self._rise = thickness, spacing if thickness is None else thickness
         self._groups = [
@@ -179,11 +189,10 @@ class VentSet:
         made = Outlets()
         made.starts = wp.array(starts, dtype=wp.int32, device=device)
         # with an extra item: Warp has no empty slice at the end of an array
-        rows = [times, fluxes, volumes]
-        series = wp.array([*np.concatenate(rows), 0.0], dtype=wp.float64, device=device)
-        ends = np.cumsum([0, *map(len, rows)]).tolist()
+        size = len(times)
+        series = wp.array([*times, *fluxes, *volumes, 0.0], dtype=wp.float64, device=device)
         made.times, made.fluxes, made.volumes = (
-            series[first:end] for first, end in pairwise(ends)
+            series[first : first + size] for first in (0, size, 2 * size)
         )
         made.vents = wp.array(table, dtype=Outlet, device=device)
         made.particle_volume = self._particle_volume
@@ -194,9 +203,7 @@ class VentSet:
         self._restrict(made)
         if vents:
             made.released.assign(self._before.released)
-            wp.launch(
-                foresee, len(vents), inputs=[made], outputs=[made.due], device=device
-            )
+            wp.launch(foresee, len(vents), inputs=[made], outputs=[made.due], device=device)
         return made
 
     def _read_released(self) -> np.ndarray:
@@ -226,9 +233,7 @@ class VentSet:
         terrain, rise = self._terrain, self._rise
         places, first = [np.empty((0, 2))], [0]
         outlets.places = wp.empty(0, dtype=wp.vec2d, device=self._device)
-        outlets.first_place = wp.zeros(
-            len(self.vents) + 1, dtype=wp.int32, device=self._device
-        )
+        outlets.first_place = wp.zeros(len(self.vents) + 1, dtype=wp.int32, device=self._device)
         for number, (vent, radius) in enumerate(zip(self.vents, self._radii, strict=True)):
             if not is_open(vent, radius, terrain, rise):
                 tried = self._places(outlets, number, 0, _CANDIDATES)
@@ -237,9 +242,7 @@ class VentSet:
                     places.append(found - self._centre)
             first.append(sum(map(len, places)))
         if first[-1]:
-            outlets.places = wp.array(
-                np.concatenate(places), dtype=wp.vec2d, device=self._device
-            )
+            outlets.places = wp.array(np.concatenate(places), dtype=wp.vec2d, device=self._device)
             outlets.first_place.assign(np.array(first, dtype=np.int32))
 
     def places(self, number: int, first: int, count: int) -> np.ndarray:
@@ -256,9 +259,8 @@ class VentSet:
 
     def emission(self, time: float) -> Emission:
         """Return the emission up to a time [s]; no step may be running."""
-        given = [vent.volume_between(self.since, time) for vent in self.vents]
-        released = self._read_released()
-        return replace(self._before, volume=self._before.volume + given, released=released)
+        volume = self._before.volume + self.volumes(time)
+        return replace(self._before, volume=volume, released=self._read_released())
 
     def save(self) -> dict[str, np.ndarray]:
         """Copy the arrays of ``Emission``, and ``counted``, for a checkpoint at ``since``."""
@@ -319,10 +321,6 @@ class VentSet:
         opening = min(vent.next_opening(time) for vent in self.vents)
         return opening if first >= (1.0 - _ROUNDING) * opening else time
 
-    def emitted(self, time: float) -> float:
-        """Return the volume [m3] that the vents have emitted from ``since`` to ``time``."""
-        return sum(vent.volume_between(self.since, time) for vent in self.vents)
-
     def pending(self, time: float, released: np.ndarray | None = None) -> np.ndarray:
         """Return the volume [m3] of each vent that is emitted but not yet a particle.
 
@@ -333,8 +331,7 @@ class VentSet:
         if released is None:
             released = self._read_released()
         released = released[: len(self.vents)]
-        given = [vent.volume_between(self.since, time) for vent in self.vents]
-        return self._before.volume + given - released * self._particle_volume
+        return self._before.volume + self.volumes(time) - released * self._particle_volume
 
     def late(self, pending: float) -> float:
         """Return the part of the pending volume [m3] that is overdue."""

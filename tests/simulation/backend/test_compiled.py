@@ -16,7 +16,7 @@ import pytest
 import warp as wp
 
 from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.step import stage as stages
+from lava_ros.simulation.step import fused_stage
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
 
 #: Sets of effects, by their names in the benchmark.
@@ -93,7 +93,7 @@ def launched(name, is_short=False):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(wp, 'launch', record)
         patch.setattr(State, 'is_short', is_short)
-        patch.setattr(stages, 'is_within_the_motion', lambda *_, **__: is_short)
+        patch.setattr(fused_stage, 'is_within_the_motion', lambda *_, **__: is_short)
         patch.setattr(State, 'is_wide', False)
         simulation = lava_field(400, effect_sets()[name], 'cpu')
         vents = simulation.solver.vents

@@ -14,7 +14,7 @@ import warp as wp
 
 from lava_ros.simulation.backend import graph as launches_module
 from lava_ros.simulation.backend.compiled import quick_kernel
-from lava_ros.simulation.backend.graph import Launches, MOST, overlap
+from lava_ros.simulation.backend.graph import Launches, MAX_CACHED, overlap
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 
 #: The set of effects that uses the most kernels.
@@ -73,14 +73,14 @@ def test_launches_keep_their_arrays_until_forgotten(launches, captures):
 
 def test_launches_that_do_not_repeat_are_freed(launches):
     kept, gone = zeros(), []
-    for _ in range(2 * MOST):
+    for _ in range(2 * MAX_CACHED):
         array = zeros()
         gone.append(weakref.ref(array))
         launches(add, [1.0, array], dim=6)
         launches(add, [1.0, kept], dim=6)
     del array
-    assert sum(item() is not None for item in gone) <= MOST
-    assert (kept.numpy() == 2 * MOST).all()
+    assert sum(item() is not None for item in gone) <= MAX_CACHED
+    assert (kept.numpy() == 2 * MAX_CACHED).all()
 
 
 @and_nightly('helmholtz', 'everything with inertia')

@@ -119,6 +119,10 @@ def test_members_of_a_batch_are_those_alone():
         peaks = simulation.start_peaks(simulation.accuracy.inundation_threshold)
         for until in (200.0, 500.0 + 10.0 * index):
             yield from simulation.advancing(until)
+            if index % 3 == 0:
+                # launches of its own, while others are in flight
+                assert len(simulation.sample().volume) == simulation.particle_count
+                assert simulation.budget().is_conserved
         yield from simulation.observing(peaks)
         found[index] = simulation.snapshot(), simulation.read_peaks(peaks)
 

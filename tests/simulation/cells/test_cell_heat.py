@@ -27,9 +27,12 @@ from lava_ros.simulation.cells.state import (
     EDGE,
     Heat,
     LENGTH,
+    LONGEST,
+    MAX_END,
     POURED,
     TARGET,
     TIME,
+    UNTIL,
 )
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import GRAVITY
@@ -67,7 +70,7 @@ class Flow:
         )
         self.heat = HeatState.on(self.state, self.scene, self.effects, 1.0)
         state, heat = self.state, self.heat
-        lay_ground(state.argument(), heat.argument(), self.effects)
+        lay_ground(state, heat, self.effects)
         state.thickness.assign(np.pad(thickness, 1))
         for array in (state.stage, heat.former):
             array.assign(np.pad(thickness, 1).astype(np.float32))
@@ -78,6 +81,7 @@ class Flow:
         if rate is not None:
             state.source.assign(np.pad(rate, 1))
             state.clock.numpy()[POURED] = rate.max()
+            heat.vent_temperature.fill_(HOT)
             state.vent_box.assign(np.array([1, rows - 2, 1, columns - 2], dtype=np.int32))
         state.peaks.assign([thickness.max(), 0.0])
         law = Rheology(lava, self.effects)
@@ -89,7 +93,7 @@ class Flow:
     def advance(self, until, steps=10**7, longest=1e9):
         """Advance to a time [s]."""
         clock = self.state.clock.numpy()
-        clock[2:5] = until, longest, until
+        clock[[UNTIL, TARGET, LONGEST, MAX_END]] = until, until, longest, math.inf
         wp.launch(
             self._kernel, dim=1,
             inputs=[self.state.argument(), self.heat.argument(), steps], device='cpu',
@@ -266,7 +270,7 @@ def test_lava_colder_than_its_solidus_becomes_ground():
     # the faces are those of the raised ground
     raised = slide(lava, flow.effects, TURNS[1])
     raised.heat.elevation.assign(ground + frozen)
-    lay_ground(raised.state.argument(), raised.heat.argument(), flow.effects)
+    lay_ground(raised.state, raised.heat, flow.effects)
     for name in ('drop_x', 'drop_y', 'cross_x', 'cross_y', 'factor_x', 'factor_y'):
         np.testing.assert_allclose(
             getattr(flow.state, name).numpy(), getattr(raised.state, name).numpy(), atol=1e-6

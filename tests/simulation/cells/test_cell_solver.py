@@ -58,6 +58,63 @@ def test_vents_emit_the_integral_of_their_rates():
     assert volume == pytest.approx(budget.held, rel=1e-6)
 
 
+FREEZING = only('steep', 'arrhenius', 'cooling', 'solidification')
+COLD = replace(LAVA, arrhenius=0.02, solidus=1250.0)
+
+
+def test_bare_simulations_share_the_ground_until_lava_solidifies():
+    ground, vent = slope(), Vent((-60.0, 3.0), 3.0, radius=7.0, temperature=1300.0)
+    former, first, second, freezing = (
+        simulated(ground, vent, effects=effects, lava=COLD)
+        for effects in (None, None, None, FREEZING)
+    )
+    former.advance(600.0)
+    freezing.advance(600.0)
+    assert freezing.budget().frozen > 0.0
+    first.advance(600.0)
+    np.testing.assert_array_equal(former.snapshot().thickness, first.snapshot().thickness)
+    second.set_effects(dict.fromkeys(EFFECTS, False) | dict.fromkeys(FREEZING, True))
+    faces = [one.solver.state.drop_x.ptr for one in (former, first, second, freezing)]
+    assert len(set(faces)) == 3
+    assert faces[0] == faces[1]
+
+
+def initial_lava():
+    """Return lava of which the edge is thinner than a film, away from the vent."""
+    places = np.array([[50.0, 60.0], [52.0, 61.0], [0.0, -90.0]])
+    return Particles(places, np.array([30.0, 1e-7, 1e-9]), np.array([1300.0, 1260.0, 1290.0]))
+
+
+@pytest.mark.parametrize('change', ['none', 'terrain', 'vents', 'restart'])
+@pytest.mark.parametrize('effects', [None, FREEZING], ids=['steep', 'freezing'])
+def test_budget_and_count_include_all_cells(effects, change):
+    vent = Vent((-60.0, 3.0), 3.0, radius=7.0, temperature=1300.0)
+    simulation = simulated(
+        slope(), vent, effects=effects, lava=COLD, particles=initial_lava()
+    )
+    check_sums(simulation)
+    simulation.advance(600.0)
+    if change == 'terrain':
+        ground = slope()
+        simulation.set_terrain(Terrain(ground.elevation[5:, :-2] + 1.0, 5.0, (-150.0, -125.0)))
+    elif change == 'vents':
+        simulation.set_vents([Vent((90.0, -90.0), 2.0)])
+    elif change == 'restart':
+        simulation = Simulation.resume(simulation.checkpoint(), device='cpu')
+    check_sums(simulation)
+    simulation.advance(900.0)
+    check_sums(simulation)
+
+
+def check_sums(simulation):
+    """Check budget and count against the whole maps."""
+    state, heat, area = simulation.solver.state, simulation.solver.heat, 25.0
+    thickness, budget = state.thickness.numpy(), simulation.budget()
+    assert budget.held == pytest.approx(thickness.sum() * area, rel=1e-14)
+    assert budget.frozen == pytest.approx(heat.frozen.numpy().sum() * area, rel=1e-14)
+    assert simulation.particle_count == (thickness > simulation.solver._film).sum()
+
+
 def test_a_launch_has_as_many_steps_as_take_its_time(monkeypatch):
     """On a clock by which a step takes a millisecond."""
     now, launch = [0.0], CellSolver._launch

@@ -4,6 +4,7 @@
 """Steps of the flow on cells: order, laws, volume and borders."""
 
 from dataclasses import replace
+from functools import lru_cache
 import math
 
 import numpy as np
@@ -12,10 +13,21 @@ import warp as wp
 
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import Scene, Terrain
-from lava_ros.simulation.cells.flow import step_kernel
+from lava_ros.simulation.cells import state as at
+from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import lay_ground
 from lava_ros.simulation.cells.heat import HeatState
-from lava_ros.simulation.cells.state import CellState, LENGTH, LIMITED, STAGES, STEPS, TIME
+from lava_ros.simulation.cells.state import (
+    CellState,
+    LENGTH,
+    LIMITED,
+    LONGEST,
+    MAX_END,
+    STAGES,
+    STEPS,
+    TARGET,
+    UNTIL,
+)
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import GRAVITY, ISOTHERMAL, NU
 
@@ -34,6 +46,21 @@ def centres(half, cell):
     return np.meshgrid(line, line)
 
 
+@lru_cache
+def steps_kernel(effects, *, is_uniform):
+    """Return the kernel that takes steps until ``clock[TARGET]``, or a number of them."""
+    step = step_function(effects, is_uniform=is_uniform)
+
+    @wp.kernel(module='unique', enable_backward=False, grid_stride=False)
+    def take_steps(s: at.Cells, most: int):
+        for _ in range(most):
+            if s.clock[at.TIME] >= s.clock[at.TARGET]:
+                break
+            step(s)
+
+    return take_steps
+
+
 def lava_on(
     elevation, cell, thickness, *, effects=NONE, lava=ISOTHERMAL, viscosity=None, film=1e-6
 ):
@@ -41,7 +68,7 @@ def lava_on(
     terrain = Terrain(elevation, cell)
     state = CellState.on(terrain, 'cpu', lava=lava, weight=WEIGHT, film=film)
     scene = Scene(terrain, (), lava)
-    lay_ground(state.argument(), HeatState.on(state, scene, effects, 1.0).argument(), effects)
+    lay_ground(state, HeatState.on(state, scene, effects, 1.0), effects)
     state.thickness.assign(np.pad(thickness, 1))
     state.stage.assign(np.pad(thickness, 1).astype(np.float32))
     viscosity = np.full(elevation.shape, lava.viscosity) if viscosity is None else viscosity
@@ -51,11 +78,11 @@ def lava_on(
     state.box.assign(np.array([0, rows - 1, 0, columns - 1], dtype=np.int32))
     state.vent_box.assign(np.array([0, -1, 0, -1], dtype=np.int32))
     state.peaks.assign([thickness.max(), 0.0])
-    kernel = step_kernel(effects, is_uniform=np.ptp(viscosity) == 0.0)
+    kernel = steps_kernel(effects, is_uniform=bool(np.ptp(viscosity) == 0.0))
 
     def advance(until, longest=1e9, steps=10**7):
         clock = state.clock.numpy()
-        state.clock.assign([clock[TIME], clock[LENGTH], until, longest, until, clock[5]])
+        clock[[UNTIL, TARGET, LONGEST, MAX_END]] = until, until, longest, math.inf
         wp.launch(kernel, dim=1, inputs=[state.argument(), steps], device='cpu')
         return state.map_of('thickness')
 

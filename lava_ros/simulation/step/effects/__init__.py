@@ -23,7 +23,7 @@ from lava_ros.simulation.step.timestep import StageChoice
 
 
 class DevicePart:
-    """What an effect computes in a time step by kernels of its own.
+    """The kernels that an effect adds to a time step.
 
     A stage calls the hooks of all effects that are on in the order of this class, and each hook in
     the order of the effects' ranks. ``arguments`` is the struct that all kernels of a stage take

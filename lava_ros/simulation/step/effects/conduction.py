@@ -53,9 +53,7 @@ MAX_SWEEPS = 64
 
 
 @lru_cache
-def _kernels(
-    real: Any, kernel_name: str, effects: Effects, threads: int
-) -> tuple[Any, ...]:
+def _kernels(real: Any, kernel_name: str, effects: Effects, threads: int) -> tuple[Any, ...]:
     vec4 = wp.types.vector(4, real)
     slope = smoothing_kernel(kernel_name, real).slope
     _, _, cells_around, range_in = cell_functions(real)
@@ -96,7 +94,7 @@ def _kernels(
             m.warmth[i] = m.particle[i][3]
 
     @quick_kernel(writes='particle')
-    def exchange_heat(thread: int, m: arguments_type(real), factor: real, share: wp.float64):
+    def exchange_heat(thread: int, m: arguments_type(real), factor: real, fraction: wp.float64):
         """Exchange heat over a fraction of the duration."""
         if m.waited[1] == wp.float64(0.0):
             return
@@ -105,7 +103,7 @@ def _kernels(
             height = m.flow[i][0]
             own = m.warmth[i]
             inverse = real(1.0) / m.constants.radius
-            step = real(m.waited[1] * share)
+            step = real(m.waited[1] * fraction)
             most = wp.max(real(1.0), step * m.exchange[i])
             rise = real(0.0)
             box = cells_around(m.cells, p[0], p[1], m.constants.radius)
@@ -158,7 +156,7 @@ class Part(DevicePart):
         self._rate = LARGEST_RATE * diffusivity / square
         self._sweeps = min(MAX_SWEEPS, max(1, math.ceil(longest * self._rate)))
         # launches are cached by their arguments: a new float would be another launch
-        self._share = 1.0 / self._sweeps
+        self._fraction = 1.0 / self._sweeps
 
     def finish_step(self, arguments: Any) -> None:
         """Let neighbours exchange heat at the end of a step, if enough time has passed."""
@@ -170,4 +168,4 @@ class Part(DevicePart):
         for sweep in range(self._sweeps):
             if sweep:
                 state.launches(keep, [arguments], dim=threads)
-            state.launches(exchange_heat, [arguments, self._factor, self._share], dim=threads)
+            state.launches(exchange_heat, [arguments, self._factor, self._fraction], dim=threads)

@@ -29,7 +29,7 @@ from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.simulation.backend.compiled import (
     access,
     load1,
-    past_the_cache,
+    load_uncached,
     quick_kernel,
     sum_over,
     wait_for,
@@ -45,10 +45,10 @@ from lava_ros.simulation.particles.kernels import (
     WIDE_K0,
 )
 from lava_ros.simulation.particles.layout import arguments_type, cell_frame, PARTICLES
-from lava_ros.simulation.particles.terrain import fall_function
+from lava_ros.simulation.particles.terrain import speed_limit_function
 from lava_ros.simulation.step.effects import DevicePart
 from lava_ros.simulation.step.outlets import Outlets
-from lava_ros.simulation.step.timestep import DIRECTORS, Pace, StageChoice
+from lava_ros.simulation.step.timestep import FIRST_BLOCK, StageChoice, StepLimits
 
 #: The squared distance within which K0 is constant, over the area of a particle's own disc: the
 #: value there is the mean of ln r over the disc. As K0 is convex in ln r, its mean is no less, and
@@ -60,14 +60,13 @@ _MIN_PARTICLES_PER_PART = MIN_SUMS // 2
 
 
 @lru_cache
-def _sums_function(real: Any, parts: int, lanes: int | None = None) -> Any:
+def _sums_function(real: Any, lanes: int, parts: int) -> Any:
     """Return the device function of the K0-weighted sums of area and of volume times velocity.
 
     The sums are those of ``sum_neighbors``. Distances are in the units of ``K0Within``, ``least``
     is the minimum square of one, ``powers`` the values that K0 needs of k.
     """
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec3, vec4 = (wp.types.vector(n, real) for n in (3, 4))
     (load, _), load_number = access(real, 4), load1(real)
     within = k0_within(real)
     k0, k0_powers = within.at, within.powers
@@ -87,7 +86,7 @@ def _sums_function(real: Any, parts: int, lanes: int | None = None) -> Any:
             weight = real(0.0)
         return sums + weight * vec3(size, other[2], other[3])
 
-    return sum_neighbors(real, added, lanes or parts, parts)
+    return sum_neighbors(real, added, lanes, parts)
 
 
 @lru_cache
@@ -111,13 +110,8 @@ def _wide_sums_function() -> Any:
         """)
     )
     def sums_around(
-        part: int,
-        values: wp.array(dtype=wp.vec4),
-        area: wp.array(dtype=wp.float32),
-        cells: cell_frame(wp.float32),
-        box: wp.vec4i,
-        p: wp.vec4,
-        powers: k0_powers,
+        part: int, values: wp.array(dtype=wp.vec4), area: wp.array(dtype=wp.float32),
+        cells: cell_frame(wp.float32), box: wp.vec4i, p: wp.vec4, powers: k0_powers,
         least: wp.float32,
     ) -> wp.vec3: ...
 
@@ -131,14 +125,13 @@ def _velocity_function(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
     A particle has as many threads as lanes, and only the first one's result counts; its neighbours
     are summed in parts.
     """
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec3, vec4 = (wp.types.vector(n, real) for n in (3, 4))
     cells_around = cell_functions(real).cells_around
     _, x_k1 = bessel(real)
     within = k0_within(real)
     powers_of, k0 = within.powers_of, within.at
     sum_up = sum_over(real, lanes)
-    sums_around = _wide_sums_function() if is_wide else _sums_function(real, parts, lanes)
+    sums_around = _wide_sums_function() if is_wide else _sums_function(real, lanes, parts)
 
     @wp.func
     def velocity_of(lane: int, here: vec4, p: vec4, own: real, m: arguments_type(real)) -> vec3:
@@ -170,11 +163,10 @@ def _velocity_function(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
 
 @lru_cache
 def _velocity_kernel(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
+    vec2, vec3 = (wp.types.vector(n, real) for n in (2, 3))
     (load, _), load_number = access(real, 4), load1(real)
     velocity_of = _velocity_function(real, lanes, parts, is_wide)
-    fallen = fall_function(real)
+    limit_speed = speed_limit_function(real)
 
     @quick_kernel(writes='flow')
     def green_velocity(thread: int, m: arguments_type(real)):
@@ -184,7 +176,7 @@ def _velocity_kernel(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
             here, p, own = load(m.ordered, i), load(m.source, i), load_number(m.area, i)
             f = velocity_of(lane, here, p, own, m)
             if lane == 0:
-                u = fallen(vec2(f[1], f[2]), f[0], vec2(here[0], here[1]), m)
+                u = limit_speed(vec2(f[1], f[2]), f[0], vec2(here[0], here[1]), m)
                 m.flow[i] = vec3(f[0], u[0], u[1])
 
     return green_velocity
@@ -192,32 +184,24 @@ def _velocity_kernel(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
 
 @lru_cache
 def _motion_kernel(
-    real: Any,
-    lanes: int,
-    parts: int,
-    is_wide: bool,
-    motion: Any,
-    choose_and_emit: Any,
+    real: Any, lanes: int, parts: int, is_wide: bool, motion: Any, choose_and_emit: Any,
     bounds: tuple[int, int] | None,
 ) -> Any:
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
+    vec2, vec3 = (wp.types.vector(n, real) for n in (2, 3))
     (load, _), load_number = access(real, 4), load1(real)
     velocity_of = _velocity_function(real, lanes, parts, is_wide)
-    fallen = fall_function(real)
+    limit_speed = speed_limit_function(real)
 
     @quick_kernel(writes=(motion, choose_and_emit), bounds=bounds)
-    def green_motion(
-        thread: int, pace: Pace, outlets: Outlets, m: arguments_type(real)
-    ):
+    def green_motion(thread: int, limits: StepLimits, outlets: Outlets, m: arguments_type(real)):
         if wp.static(choose_and_emit is not None):
-            if thread < wp.static(DIRECTORS):
-                choose_and_emit(thread, pace, outlets, m)
+            if thread < wp.static(FIRST_BLOCK):
+                choose_and_emit(thread, limits, outlets, m)
                 return
-            thread -= wp.static(DIRECTORS)
+            thread -= wp.static(FIRST_BLOCK)
         i = thread // lanes
         lane = thread % lanes
-        if i >= past_the_cache(m.counts, PARTICLES):
+        if i >= load_uncached(m.counts, PARTICLES):
             return
         here, driven, own = load(m.ordered, i), load(m.source, i), load_number(m.area, i)
         f = velocity_of(lane, here, driven, own, m)
@@ -227,7 +211,7 @@ def _motion_kernel(
             wait_for(m.chosen)
         # read again: keeping it would take registers from the sums
         p = load(m.ordered, i)
-        u = fallen(vec2(f[1], f[2]), f[0], vec2(p[0], p[1]), m)
+        u = limit_speed(vec2(f[1], f[2]), f[0], vec2(p[0], p[1]), m)
         motion(i, p, vec3(f[0], u[0], u[1]), m)
 
     return green_motion
@@ -257,6 +241,6 @@ class Part(DevicePart):
             choice.bounds,
         )
         launch_over(
-            state, kernel, [choice.pace, choice.outlets, arguments],
+            state, kernel, [choice.limits, choice.outlets, arguments],
             min_items=_MIN_PARTICLES_PER_PART, lanes=state.lanes, ahead=choice.threads,
         )

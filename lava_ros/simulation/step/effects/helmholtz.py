@@ -37,18 +37,13 @@ from lava_ros.simulation.backend.compiled import (
 )
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
+from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.cells import cell_functions, sum_neighbors
 from lava_ros.simulation.particles.kernels import smoothing_kernel, SmoothingKernel
-from lava_ros.simulation.particles.layout import (
-    ADVECTION,
-    arguments_type,
-    cell_frame,
-    PARTICLES,
-    THICKEST,
-)
+from lava_ros.simulation.particles.layout import arguments_type, cell_frame
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import (
-    fall_function,
+    speed_limit_function,
     StaggeredTerrain,
     terrain_functions,
 )
@@ -70,17 +65,13 @@ LARGEST_EIGENVALUE = 2.0
 
 
 @lru_cache
-def _sums_function(
-    real: Any, kernel: SmoothingKernel, parts: int, lanes: int | None = None
-) -> Any:
+def _sums_function(real: Any, kernel: SmoothingKernel, lanes: int, parts: int) -> Any:
     """Return the device function of the neighbour sums of A_j h_ij F_ij and of its pull.
 
     The sums are those of ``sum_neighbors``. F is without ``norm``, ``factor`` and l^4; the pull is
     the sum weighted by u_j - u_i. The particle is its own neighbour.
     """
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec3, vec4 = (wp.types.vector(n, real) for n in (2, 3, 4))
     terms = kernel.terms
     (load, _), (load_pair, _) = access(real, 4), access(real, 2)
 
@@ -98,7 +89,7 @@ def _sums_function(
         pull = weight * (load_pair(solution, j) - u)
         return sums + vec3(weight, pull.x, pull.y)
 
-    return sum_neighbors(real, added, lanes or parts, parts)
+    return sum_neighbors(real, added, lanes, parts)
 
 
 @lru_cache
@@ -123,14 +114,8 @@ def _wide_sums_function(wide_terms: str) -> Any:
         """)
     )
     def sums_around(
-        part: int,
-        values: wp.array(dtype=wp.vec4),
-        solution: wp.array(dtype=wp.vec2),
-        cells: cell_frame(wp.float32),
-        box: wp.vec4i,
-        p: wp.vec4,
-        u: wp.vec2,
-        inverse: wp.float32,
+        part: int, values: wp.array(dtype=wp.vec4), solution: wp.array(dtype=wp.vec2),
+        cells: cell_frame(wp.float32), box: wp.vec4i, p: wp.vec4, u: wp.vec2, inverse: wp.float32,
     ) -> wp.vec3: ...
 
     return sums_around
@@ -138,31 +123,24 @@ def _wide_sums_function(wide_terms: str) -> Any:
 
 @lru_cache
 def _kernels(
-    real: Any,
-    kernel_name: str,
-    lanes: int,
-    parts: int,
-    is_wide: bool,
-    steep: Any,
+    real: Any, kernel_name: str, lanes: int, parts: int, is_wide: bool, steep: Any,
 ) -> tuple[Any, Any, Any]:
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec3, vec4 = (wp.types.vector(n, real) for n in (2, 3, 4))
     kernel = smoothing_kernel(kernel_name, real)
     factor = -kernel.norm * kernel.factors[1]
     terms = kernel.terms
     cells_around = cell_functions(real).cells_around
     (load, store), total = access(real, 4), sum_over(real, lanes)
-    fallen = fall_function(real)
+    limit_speed = speed_limit_function(real)
     gradient_at, raised = terrain_functions(real).gradient_at, raise_to(real)
-    sums_around = _sums_function(real, kernel, parts, lanes)
+    sums_around = _sums_function(real, kernel, lanes, parts)
     if is_wide and kernel.wide_terms:
         sums_around = _wide_sums_function(kernel.wide_terms)
 
     @quick_kernel(writes='layer solution correction flow')
     def start(i: int, m: arguments_type(real)):
         """Start from the local velocity; store the values that a sweep reads contiguously."""
-        if i < m.counts[PARTICLES]:
+        if i < m.counts[at.PARTICLES]:
             p = load(m.ordered, i)
             f = m.flow[i]
             store(m.layer, i, vec4(p[0], p[1], p[2] / f[0], f[0]))
@@ -177,17 +155,13 @@ def _kernels(
         writes='next_solution correction', bounds=FEW_THREADS if parts > lanes else _MANY_THREADS
     )
     def sweep(
-        thread: int,
-        m: arguments_type(real),
-        momentum: real,
-        relaxation: real,
-        solution: wp.array(dtype=vec2),
-        next_solution: wp.array(dtype=vec2),
+        thread: int, m: arguments_type(real), momentum: real, relaxation: real,
+        solution: wp.array(dtype=vec2), next_solution: wp.array(dtype=vec2),
     ):
         """Run one Chebyshev sweep: the residual over the diagonal, plus momentum."""
         i = thread // lanes
         lane = thread % lanes
-        if i >= m.counts[PARTICLES]:
+        if i >= m.counts[at.PARTICLES]:
             return
         p = load(m.layer, i)
         u = solution[i]
@@ -211,11 +185,11 @@ def _kernels(
 
     @quick_kernel(writes='flow rates')
     def finish(i: int, m: arguments_type(real), solution: wp.array(dtype=vec2)):
-        if i < m.counts[PARTICLES]:
+        if i < m.counts[at.PARTICLES]:
             p = load(m.layer, i)
-            u = fallen(solution[i], p[3], vec2(p[0], p[1]), m)
+            u = limit_speed(solution[i], p[3], vec2(p[0], p[1]), m)
             m.flow[i] = vec3(p[3], u[0], u[1])
-            raised(m.rates, ADVECTION, wp.length(u) / m.constants.reach)
+            raised(m.rates, at.ADVECTION, wp.length(u) / m.constants.reach)
 
     return start, sweep, finish
 
@@ -247,7 +221,7 @@ def _schedule(thickness: float, radius: float) -> list[tuple[float, float]]:
 class Part(DevicePart):
     """The sweeps that solve the momentum balance.
 
-    Up to ``THICKEST`` times the expected thickness they reduce the error by ``REDUCTION``.
+    Up to ``MAX_SOLVED`` times the expected thickness they reduce the error by ``REDUCTION``.
     """
 
     def __init__(
@@ -256,7 +230,7 @@ class Part(DevicePart):
         """Compute the weights of the sweeps for the expected thickness."""
         super().__init__(scene, accuracy, terrain, state)
         assert accuracy.thickness is not None
-        self._weights = _schedule(THICKEST * accuracy.thickness, accuracy.radius)
+        self._weights = _schedule(at.MAX_SOLVED * accuracy.thickness, accuracy.radius)
 
     def compute_velocity(self, arguments: Any) -> None:
         """Replace the local velocity in ``flow`` by the solution, and raise ``rates`` to it."""

@@ -46,19 +46,10 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import access, quick_kernel, raise_to
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
+from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
-from lava_ros.simulation.particles.layout import (
-    ADVECTION,
-    age_at,
-    arguments_type,
-    CURRENT,
-    DIFFUSION,
-    FORMER_STEP,
-    PARTICLES,
-    STEP,
-    TIME,
-)
+from lava_ros.simulation.particles.layout import age_at, arguments_type
 from lava_ros.simulation.particles.terrain import terrain_functions
 from lava_ros.simulation.step.effects import DevicePart
 
@@ -89,7 +80,7 @@ def _column_function(real: Any, effects: Effects) -> Any:
         if wp.static(effects.any('stiffens')):
             column.temperature = m.ordered_mean_temperature[i]
         if wp.static(effects.any('needs_age')):
-            column.age = real(age_at(m.clock[TIME], m.ordered_emission_time[i]))
+            column.age = real(age_at(m.clock[at.TIME], m.ordered_emission_time[i]))
         return column
 
     return column_of
@@ -107,11 +98,7 @@ def _drag_function(real: Any, effects: Effects) -> Any:
 
     @wp.func
     def slowed(
-        velocity: vec2,
-        fall: real,
-        column: column_struct,
-        ground: vec2,
-        m: arguments_type(real),
+        velocity: vec2, fall: real, column: column_struct, ground: vec2, m: arguments_type(real),
     ) -> vec2:
         """Return the velocity after a time in which a slope of 1 changes it by ``fall`` [m/s]."""
         pace = wp.length(velocity)
@@ -147,12 +134,11 @@ def _drag_function(real: Any, effects: Effects) -> Any:
 
 @lru_cache
 def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
-    vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
+    vec2, vec3 = (wp.types.vector(n, real) for n in (2, 3))
     kernel = smoothing_kernel(kernel_name, real)
     norm, derivative, excess = kernel.norm, kernel.slope, kernel.excess
     power = _EXCESS_POWERS.get(kernel_name, 1.0)
-    gradient_at, bend_at, height_at, *_ = terrain_functions(real)
+    gradient_at, curvature_at, height_at, *_ = terrain_functions(real)
     _, _, cells_around, range_in = cell_functions(real)
     raised = raise_to(real)
     load, _ = access(real, 4)
@@ -173,7 +159,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
         return e
 
     @wp.func
-    def share_of(ground: vec2) -> real:
+    def part_of_gravity(ground: vec2) -> real:
         """Return the fraction of g that acts on a map, cos^2 b."""
         if wp.static(steep):
             return real(1.0) / (real(1.0) + wp.dot(ground, ground))
@@ -182,21 +168,21 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
     @quick_kernel(writes='flow kick rates')
     def synchronize(i: int, m: arguments_type(real), number: real):
         """Compute the acceleration, the velocity half a step after the stored one, and limits."""
-        if i >= m.counts[PARTICLES]:
+        if i >= m.counts[at.PARTICLES]:
             return
         p = load(m.ordered, i)
         height = m.flow[i][0]
         column = column_of(i, p, m)
         ground = gradient_at(m.ground, p[0], p[1])
-        g = m.constants.gravity * share_of(ground)
+        g = m.constants.gravity * part_of_gravity(ground)
         fall = -g * vec2(m.flow[i][1], m.flow[i][2])
         m.kick[i] = fall
-        half = real(wp.float64(0.5) * m.clock[STEP])
+        half = real(wp.float64(0.5) * m.clock[at.STEP])
         u = slowed(m.ordered_velocity[i] + half * fall, half * g, column, ground, m)
         m.flow[i] = vec3(height, u[0], u[1])
         # dt^2 w^2 <= d^2 + d gamma dt: d is 2 at the limit of stability
         square = g * height * m.constants.stiffness
-        square += g * bend_at(m.ground, p[0], p[1]) * m.constants.inverse_diffusion_number
+        square += g * curvature_at(m.ground, p[0], p[1]) * m.constants.inverse_diffusion_number
         mobility = real(1.0)
         drag = real(0.0)
         if wp.static(is_newtonian):
@@ -205,14 +191,14 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
             drag = g
         root = wp.sqrt(drag * drag + real(4.0) * number * square * mobility * mobility)
         advection = wp.length(u) / m.constants.reach
-        raised(m.rates, DIFFUSION, real(2.0) * square * mobility / (drag + root) + advection)
-        raised(m.rates, ADVECTION, advection)
+        raised(m.rates, at.DIFFUSION, real(2.0) * square * mobility / (drag + root) + advection)
+        raised(m.rates, at.ADVECTION, advection)
 
     @quick_kernel(writes='velocity slope')
     def accelerate(i: int, m: arguments_type(real)):
-        if i >= m.counts[PARTICLES]:
+        if i >= m.counts[at.PARTICLES]:
             return
-        if m.counts[CURRENT] == 0:
+        if m.counts[at.CURRENT] == 0:
             # past the target; the next step starts from the velocity in the middle of this one
             m.velocity[i] = m.ordered_velocity[i]
             return
@@ -245,11 +231,11 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
         # 1/2 (power - 1) (e_i + e_j) of g V_j grad W_ij
         lift *= -g * scale * real(wp.static(0.5 * (power - 1.0)))
         ground = gradient_at(m.ground, p[0], p[1])
-        step = real(m.clock[STEP])
-        time = real(0.5) * (real(m.clock[FORMER_STEP]) + step)
+        step = real(m.clock[at.STEP])
+        time = real(0.5) * (real(m.clock[at.FORMER_STEP]) + step)
         old = m.ordered_velocity[i]
         free = old + time * (m.kick[i] + lift) + step * scale * push
-        fall = time * g * share_of(ground)
+        fall = time * g * part_of_gravity(ground)
         column = column_of(i, p, m)
         new = slowed(free, fall, column, ground, m)
         m.velocity[i] = new
@@ -261,7 +247,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
                 # limited by the energy from weight and motion: speeds on the map do not account
                 # for the turn of lava that runs from level ground into a wall
                 way = step * new
-                surface = -m.kick[i] / (g * share_of(ground))
+                surface = -m.kick[i] / (g * part_of_gravity(ground))
                 given = height_at(m.ground, p[0], p[1])
                 given -= height_at(m.ground, p[0] + way.x, p[1] + way.y)
                 given += wp.dot(ground - surface, way)
@@ -273,7 +259,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
 
     @quick_kernel(writes='flow')
     def adopt(i: int, m: arguments_type(real)):
-        if i < m.counts[PARTICLES]:
+        if i < m.counts[at.PARTICLES]:
             m.flow[i] = vec3(m.flow[i][0], m.velocity[i][0], m.velocity[i][1])
 
     return synchronize, accelerate, adopt

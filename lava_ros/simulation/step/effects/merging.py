@@ -23,31 +23,24 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import access, quick_kernel
 from lava_ros.simulation.backend.scan import Scan
+from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.cells import cell_functions
-from lava_ros.simulation.particles.layout import (
-    ADVECTION,
-    arguments_type,
-    Form,
-    FULL,
-    IS_LAST,
-    PARTICLES,
-    STEP,
-)
+from lava_ros.simulation.particles.layout import arguments_type, Form
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
 from lava_ros.simulation.step.effects import DevicePart
 
 #: Displacement of the fastest particle between two passes, over the largest in one step.
-EVERY = 1.5
+PASS_INTERVAL = 1.5
 
 #: Distance over the spacing around two particles below which they merge.
-CLOSE = 1.1
+MERGE_DISTANCE = 1.1
 
 #: Maximum area of a merged particle over the squared spacing.
-WIDEST = 1.6
+MAX_MERGED_AREA = 1.6
 
 #: Area of a particle over the squared spacing above which it splits.
-STRETCHED = 2.5
+MIN_SPLIT_AREA = 2.5
 
 
 @lru_cache
@@ -59,8 +52,8 @@ def _kernels(form: Form, is_ordered: bool, threads: int) -> tuple[Any, ...]:
         """Add up the displacement of the fastest particle; ``moved[1]`` is 1 if it suffices."""
         m.moved[1] = wp.float64(0.0)
         m.slots[0] = 0
-        if m.counts[IS_LAST] == 1 and m.clock[STEP] > wp.float64(0.0):
-            m.moved[0] = m.moved[0] + wp.float64(m.rates[ADVECTION]) * m.clock[STEP]
+        if m.counts[at.IS_LAST] == 1 and m.clock[at.STEP] > wp.float64(0.0):
+            m.moved[0] = m.moved[0] + wp.float64(m.rates[at.ADVECTION]) * m.clock[at.STEP]
             if m.moved[0] >= every:
                 m.moved[0] = wp.float64(0.0)
                 m.moved[1] = wp.float64(1.0)
@@ -73,7 +66,7 @@ def _kernels(form: Form, is_ordered: bool, threads: int) -> tuple[Any, ...]:
         new = m.slots[0]
         if wp.static(is_ordered):
             new = m.slots[last] + m.births[last]
-        m.counts[PARTICLES] = wp.min(m.counts[PARTICLES] + new, last + 1)
+        m.counts[at.PARTICLES] = wp.min(m.counts[at.PARTICLES] + new, last + 1)
 
     choose, merge = _choice_kernel(real, threads), _merge_kernel(form, threads)
     return wait, choose, merge, _split_kernel(form, is_ordered, threads), count
@@ -89,14 +82,14 @@ def _choice_kernel(real: Any, threads: int) -> Any:
         """Find a particle's merge partner or, if it splits, its nearest neighbour."""
         m.births[i] = 0
         m.partner[i] = -1
-        if i >= m.counts[PARTICLES]:
+        if i >= m.counts[at.PARTICLES]:
             return
         p = m.particle[i]
         if p[2] == real(0.0):
             return
         own = p[2] / m.flow[i][0]
-        splits = own > real(wp.static(STRETCHED)) * area and p[2] >= real(2.0) * min_volume
-        if not splits and own > real(wp.static(WIDEST)) * area:
+        splits = own > real(wp.static(MIN_SPLIT_AREA)) * area and p[2] >= real(2.0) * min_volume
+        if not splits and own > real(wp.static(MAX_MERGED_AREA)) * area:
             return
         here = load(m.ordered, i)
         nearest = m.partner[i]
@@ -115,8 +108,8 @@ def _choice_kernel(real: Any, threads: int) -> Any:
                         both = p[2] + other[2]
                         around = both / (m.flow[i][0] + m.flow[j][0])
                         fits = (
-                            square < real(wp.static(CLOSE * CLOSE)) * around
-                            and real(2.0) * around < real(wp.static(WIDEST)) * area
+                            square < real(wp.static(MERGE_DISTANCE * MERGE_DISTANCE)) * around
+                            and real(2.0) * around < real(wp.static(MAX_MERGED_AREA)) * area
                             and both - p[2] == other[2]
                             and both - other[2] == p[2]
                         )
@@ -142,8 +135,7 @@ def _choice_kernel(real: Any, threads: int) -> Any:
 @lru_cache
 def _merge_kernel(form: Form, threads: int) -> Any:
     real = form.real
-    vec2 = wp.types.vector(2, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec4 = (wp.types.vector(n, real) for n in (2, 4))
     vec2d = wp.types.vector(2, wp.float64)
 
     @wp.func
@@ -181,7 +173,7 @@ def _merge_kernel(form: Form, threads: int) -> Any:
     def merge(thread: int, m: arguments_type(real)):
         """Merge particles that chose each other."""
         if m.moved[1] > wp.float64(0.0):
-            for i in range(thread, m.counts[PARTICLES], threads):
+            for i in range(thread, m.counts[at.PARTICLES], threads):
                 j = m.partner[i]
                 # never read an index below 0
                 if j > i and m.partner[wp.max(j, 0)] == i:
@@ -193,20 +185,19 @@ def _merge_kernel(form: Form, threads: int) -> Any:
 @lru_cache
 def _split_kernel(form: Form, is_ordered: bool, threads: int) -> Any:
     real = form.real
-    vec2 = wp.types.vector(2, real)
-    vec4 = wp.types.vector(4, real)
+    vec2, vec4 = (wp.types.vector(n, real) for n in (2, 4))
 
     @wp.func
     def halve(i: int, m: arguments_type(real)):
         """Halve a particle; the second half is appended to the particles."""
-        slot = m.counts[PARTICLES]
+        slot = m.counts[at.PARTICLES]
         if wp.static(is_ordered):
             slot += m.slots[i]
         else:
             slot += wp.atomic_add(m.slots, 0, 1)
         if slot >= m.particle.shape[0]:
             # it splits when the host has enlarged the capacity
-            m.counts[FULL] = 1
+            m.counts[at.FULL] = 1
             return
         p = m.particle[i]
         other = m.particle[-2 - m.partner[i]]
@@ -262,7 +253,7 @@ class Part(DevicePart):
         threads = state.rare_threads
         kernels = _kernels(state.form, state.is_deterministic, threads)
         wait, choose, merge, split, count = kernels
-        state.launches(wait, [arguments, EVERY])
+        state.launches(wait, [arguments, PASS_INTERVAL])
         state.launches(choose, [arguments, self._area, self._min_volume], dim=threads)
         state.launches(merge, [arguments], dim=threads)
         if state.is_deterministic:

@@ -80,9 +80,7 @@ def _patch_functions(real: Any) -> tuple[Any, Any, Any]:
         return spline((cell_x - wp.float64(x)) / width) * spline((cell_y - wp.float64(y)) / width)
 
     @wp.func
-    def patch_of(
-        exact: ground_type(wp.float64), x: real, y: real, width: wp.float64
-    ) -> wp.vec4i:
+    def patch_of(exact: ground_type(wp.float64), x: real, y: real, width: wp.float64) -> wp.vec4i:
         """Return the first column and the one after the last, then the same for rows."""
         reach = wp.float64(1.5) * width
         one = wp.float64(1.0)
@@ -131,12 +129,8 @@ def _deposit_function(real: Any) -> Any:
 
     @wp.func
     def lay_down(
-        i: int,
-        p: vec4,
-        m: arguments_type(real),
-        widest: wp.float64,
-        exact: ground_type(wp.float64),
-        deposit: wp.array2d(dtype=wp.int64),
+        i: int, p: vec4, m: arguments_type(real), widest: wp.float64,
+        exact: ground_type(wp.float64), deposit: wp.array2d(dtype=wp.int64),
         placed: wp.array2d(dtype=wp.int64),
     ):
         width = width_of(p[2], m.flow[i][0], exact, widest)
@@ -148,8 +142,8 @@ def _deposit_function(real: Any) -> Any:
         # cells without data and the ring are raised too, so that the deposit has no cliff there
         for row in range(patch[2], patch[3]):
             for column in range(patch[0], patch[1]):
-                share = parts * weight_of(exact, p[0], p[1], width, row, column)
-                wp.atomic_add(deposit, row + 1, column + 1, wp.int64(wp.round(share)))
+                amount = parts * weight_of(exact, p[0], p[1], width, row, column)
+                wp.atomic_add(deposit, row + 1, column + 1, wp.int64(wp.round(amount)))
         # lava too thin to reach any of the cells is placed in all of them
         level = wp.int32(2)
         shown = total_of(p, m, exact, width, level)
@@ -160,10 +154,10 @@ def _deposit_function(real: Any) -> Any:
         for row in range(wp.max(patch[2], 0), wp.min(patch[3], exact.rows)):
             for column in range(wp.max(patch[0], 0), wp.min(patch[1], exact.columns)):
                 if is_shown(m, row, column, level):
-                    share = wp.round(parts * weight_of(exact, p[0], p[1], width, row, column))
-                    before = wp.atomic_add(placed, row, column, wp.int64(share))
+                    amount = wp.round(parts * weight_of(exact, p[0], p[1], width, row, column))
+                    before = wp.atomic_add(placed, row, column, wp.int64(amount))
                     # films too thin to count may add up
-                    top = (wp.float64(before) + share) * wp.float64(wp.static(THICKNESS_UNIT))
+                    top = (wp.float64(before) + amount) * wp.float64(wp.static(THICKNESS_UNIT))
                     is_thick = top >= wp.float64(m.constants.threshold)
                     if is_thick and m.arrived[row, column] < wp.float32(0.0):
                         m.arrived[row, column] = wp.float32(m.clock[TIME])
@@ -181,12 +175,8 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
 
     @quick_kernel(writes='particle arrived deposit placed')
     def freeze(
-        thread: int,
-        m: arguments_type(real),
-        solidus: wp.float64,
-        widest: wp.float64,
-        exact: ground_type(wp.float64),
-        deposit: wp.array2d(dtype=wp.int64),
+        thread: int, m: arguments_type(real), solidus: wp.float64, widest: wp.float64,
+        exact: ground_type(wp.float64), deposit: wp.array2d(dtype=wp.int64),
         placed: wp.array2d(dtype=wp.int64),
     ):
         """Deposit columns below the solidus; their volume is negative until the next pass."""
@@ -200,12 +190,8 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
 
     @quick_kernel(writes='particle ground.elevation')
     def raise_ground(
-        thread: int,
-        m: arguments_type(real),
-        widest: wp.float64,
-        exact: ground_type(wp.float64),
-        deposit: wp.array2d(dtype=wp.int64),
-        bare: wp.array2d(dtype=real),
+        thread: int, m: arguments_type(real), widest: wp.float64, exact: ground_type(wp.float64),
+        deposit: wp.array2d(dtype=wp.int64), bare: wp.array2d(dtype=real),
     ):
         """Update the heights under newly solidified columns, and set their volume to 0."""
         if m.cold[0] == 0:
