@@ -15,10 +15,12 @@ from solver import incline, only
 
 
 def allocated() -> int:
-    """Return the memory of all arrays on the CPU that own it [bytes]."""
+    """Return the memory of all arrays on the CPU, and of blocks of arrays [bytes]."""
     gc.collect()
-    arrays = (item for item in gc.get_objects() if isinstance(item, wp.array))
-    return sum(array.capacity for array in arrays if array.deleter is not None)
+    arrays = [item for item in gc.get_objects() if isinstance(item, wp.array)]
+    blocks = {id(array.block): array.block.nbytes for array in arrays if hasattr(array, 'block')}
+    owned = sum(array.capacity for array in arrays if array.deleter is not None)
+    return owned + sum(blocks.values())
 
 
 @pytest.mark.parametrize(('method', 'spacing', 'effects', 'precision'), [

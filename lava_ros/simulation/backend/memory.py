@@ -79,7 +79,10 @@ def zeros(items: Mapping[str, tuple[Any, tuple[int, ...]]], device: Any) -> dict
         first_piece = block.ptr
     else:
         # the system clears only pages that are used, and most of a terrain stays dry
-        block = np.zeros((end + 1) * piece, dtype=np.uint8)
+        try:
+            block = np.zeros((end + 1) * piece, dtype=np.uint8)
+        except MemoryError as error:
+            raise RuntimeError(f'{NO_MEMORY} memory: {error}') from error
         first_piece = -(-block.ctypes.data // piece) * piece
     found = {}
     for name, (dtype, shape) in items.items():

@@ -245,6 +245,10 @@ STEP = """
     float* newer_y = s.former_y.data;
     float* older_x = s.flux_x.data;
     float* older_y = s.flux_y.data;
+    auto thickness_by = [&](long p, const float* gx, const float* gy) {
+        return h[p] + ((double)gx[p - 1] - (double)gx[p]) + ((double)gy[p - w] - (double)gy[p]);
+    };
+    int is_overdrawn = 0;
     for (int n = 1; n <= stages; ++n) {
         const double next_b = n == 1 ? b : (n * n + n - 2.0) / (2.0 * n * (n + 1.0));
         const double mu = n == 1 ? 0.0 : (2 * n - 1) * next_b / (n * b);
@@ -254,19 +258,25 @@ STEP = """
         const double given = mu * poured_1 + nu * poured_2 + now + begin;
         poured_2 = poured_1, poured_1 = given;
         const float m = mu, v = nu, t = now, t0 = begin;
+        // a GPU does not wait for the fluxes of the first stage, which others also know
+        const bool is_known = !is_serial && n == 1;
+        const float scale = is_known ? t0 : 1.0f;
         auto update = [&](long i) {
             if (i < row_0 || i > row_1) return;
-            const float* APART gx = older_x;
-            const float* APART gy = older_y;
+            const float* APART gx = is_known ? first_x : older_x;
+            const float* APART gy = is_known ? first_y : older_y;
             const Span span = cells_of(i);
             const long from = i * w + span.from + lane, to = i * w + span.to;
             for (long p = from; p <= to; p += lanes)
-                y[p] = (float)h[p] + (gx[p - 1] - gx[p] + gy[p - w] - gy[p]);
+                y[p] = (float)h[p] + scale * (gx[p - 1] - gx[p] + gy[p - w] - gy[p]);
             if (i >= vents[0] && i <= vents[1])
                 for (long p = i * w + vents_from(span.from); p <= i * w + vents[3]; p += lanes)
                     y[p] += (float)(given * source[p]);
             if (!is_open)
                 for (long p = from; p <= to; p += lanes) y[p] = kind[p] ? 0.0f : y[p];
+            if (!is_serial && n == stages)
+                for (long p = from; p <= to; p += lanes)
+                    is_overdrawn |= thickness_by(p, gx, gy) < 0.0;
         };
         for (long i = first_of(top); i <= last_of(bottom); i += lines) {
             faces_of(i, [&](int axis, long from, long to, long next, long side,
@@ -291,10 +301,11 @@ STEP = """
             });
             if (is_serial && i >= top + LAG) update(i - LAG);
         }
-        together();
+        if (!is_known) together();
         for (long i = is_serial ? bottom + 1 - LAG : first_of(top); i <= last_of(bottom);
              i += lines)
             update(i);
+        if (!is_serial && n == stages) raise(slots + OVERDRAWN, is_overdrawn);
         together();
         float* swap = newer_x;
         newer_x = older_x, older_x = swap;
@@ -311,19 +322,19 @@ STEP = """
         return larger(gx[p], 0.0f) + larger(-gx[p - 1], 0.0f) + larger(gy[p], 0.0f)
             + larger(-gy[p - w], 0.0f);
     };
-    auto after = [&](long p) {
-        return h[p] + ((double)gx[p - 1] - (double)gx[p]) + ((double)gy[p - w] - (double)gy[p]);
-    };
+    auto after = [&](long p) { return thickness_by(p, gx, gy); };
     bool was_overdrawn = false;
     for (int turn = 0; turn < LIMITS; ++turn) {
-        int is_overdrawn = 0;
-        for (long i = first_of(row_0); i <= last_of(row_1); i += lines) {
+        is_overdrawn = 0;
+        for (long i = first_of(row_0); (is_serial || turn) && i <= last_of(row_1); i += lines) {
             const Span span = cells_of(i);
             for (long p = i * w + span.from + lane; p <= i * w + span.to; p += lanes)
                 is_overdrawn |= after(p) < 0.0;
         }
-        raise(slots + OVERDRAWN + turn, is_overdrawn);
-        together();
+        if (is_serial || turn) {
+            raise(slots + OVERDRAWN + turn, is_overdrawn);
+            together();
+        }
         if (!raised(slots + OVERDRAWN + turn)) break;
         was_overdrawn = true;
         // at last no cell gives more than it had at the start, whatever comes in
@@ -406,7 +417,8 @@ STEP = """
     raise(slots + EAST, (int)(wet[3] - right + 2));
     together();
     // volume that has left over the border, and on cells outside of the ground; one warp sums it
-    if (is_first_warp) {
+    const bool is_inside = top > 0 && bottom <= last_row && left > 0 && right <= last_column;
+    if (is_first_warp && !(is_inside && is_open)) {
         double out = 0.0, sums[3] = {0.0, 0.0, 0.0};
         const Span south = cells_of(row_0), north = cells_of(row_1);
         if (top == 0)

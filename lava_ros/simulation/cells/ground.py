@@ -11,7 +11,6 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.scene import Terrain
 from lava_ros.simulation.backend.memory import shared_array, shared_object, zeros
-from lava_ros.simulation.cells.heat import HeatState
 from lava_ros.simulation.cells.spans import WITHIN
 from lava_ros.simulation.cells.state import Cells, CellState, FACES, Heat
 from lava_ros.simulation.cells.threads import shared, THREADS
@@ -130,13 +129,13 @@ def _lay(cells: Any, heat: Any, factor: Any) -> None:
 
 
 def lay_ground(
-    state: CellState, heat: HeatState, effects: Effects, *, is_bare: bool = False
+    state: CellState, heat: Any, effects: Effects, *, is_bare: bool = False
 ) -> None:
     """Make all faces fit the ground with the solidified lava.
 
     Args:
         state: The flow, whose faces are replaced if it does not own them.
-        heat: The solidified lava.
+        heat: The solidified lava (``HeatState``).
         effects: The effects that are on.
         is_bare: True if there is no solidified lava.
     """

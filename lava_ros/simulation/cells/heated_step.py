@@ -29,12 +29,13 @@ from lava_ros.effects import EFFECTS, Effects
 from lava_ros.effects.column import column_type
 from lava_ros.effects.heat import warming_function
 from lava_ros.effects.laws import strength_function, viscosity_function
+from lava_ros.simulation.backend.compiled import on_cuda
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import ground_function
 from lava_ros.simulation.cells.spans import WITHIN
 from lava_ros.simulation.cells.state import Cells, EDGE, Heat, WAITING
-from lava_ros.simulation.cells.threads import shared
+from lava_ros.simulation.cells.threads import COLDEST, shared, SLOTS
 
 _REAL = wp.float32
 
@@ -186,6 +187,7 @@ _EXCHANGE = """
     float* APART fluidity = s.fluidity.data;
     float* APART strength = s.strength.data;
     const float* APART y = s.stage.data;
+    int coldest = 0;
     auto larger = [](float a, float b) { return a > b ? a : b; };
     for (long i = first_of(top); i <= last_of(bottom); i += lines) {
         // only cells with lava, now or before the step
@@ -221,6 +223,7 @@ _EXCHANGE = """
         EACH
         MARK
     }
+    RAISE
     together();
 """
 
@@ -247,7 +250,8 @@ _PARTS = {
     'VISCOSITY': 'fluidity[p] = 1.0f / CALL(m.law, column.temperature);',
     'STRENGTH': 'column.age = age + step; strength[p] = CALL(m.law, column);',
     'COLD': 'cold |= h > 0.0f && column.temperature < m.constants.solidus;',
-    'MARK': 'mark(m.cold.data + i, cold);',
+    'MARK': 'mark(m.cold.data + i, cold); coldest |= cold;',
+    'RAISE': f'{SLOTS} raise(slots + {COLDEST}, coldest);',
 }
 
 #: A step longer than the age of a column needs a loop, which no compiler vectorises: on a CPU the
@@ -319,7 +323,7 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
     for name, needed in (
         ('COSINE', cosine_squared), ('SPEED', effects.any('needs_speed')), ('DROP', falls),
         ('AGE', has_age), ('WARM', straight), ('VISCOSITY', viscosity), ('STRENGTH', strength),
-        ('COLD', effects.any('freezes')), ('MARK', effects.any('freezes')),
+        *((name, effects.any('freezes')) for name in ('COLD', 'MARK', 'RAISE')),
     ):
         part = _PARTS[name] if needed else ''
         if hasattr(needed, 'native_func'):
@@ -381,6 +385,9 @@ def heated_step_function(effects: Effects, blocks: int = 1) -> Any:
     )
     freezes = effects.any('freezes')
 
+    @wp.func_native(on_cuda(f'{SLOTS} return slots[{COLDEST}];', 'return 1;'))
+    def has_cold_rows(s: Cells) -> int: ...
+
     @wp.func
     def heated_step(s: Cells, m: Heat):
         # within the edge of the window, at which the step passes nothing
@@ -391,8 +398,10 @@ def heated_step_function(effects: Effects, blocks: int = 1) -> Any:
             return
         transport(s, m, top, bottom, left, right)
         exchange(s, m, top, bottom, left, right)
-        if wp.static(freezes):
-            freeze(s, m, top, bottom, left, right)
-            raise_ground(s, m, top - 1, bottom + 1, left - 1, right + 1)
+        # each of them ends with a barrier, and lava rarely freezes
+        if wp.static(freezes):  # noqa: SIM102, it is not compiled otherwise
+            if has_cold_rows(s) == 1:
+                freeze(s, m, top, bottom, left, right)
+                raise_ground(s, m, top - 1, bottom + 1, left - 1, right + 1)
 
     return heated_step

@@ -385,7 +385,8 @@ class CellLava:
             part = self.window.rectangle(self._maps)
         terrain = self.scene.terrain
         thickness, temperature = self.peaks.on_terrain(
-            lambda values: self._on_terrain(values, part), cells_under(part, self.grid, terrain)
+            lambda values: self._on_terrain(values, part),
+            within_ring(cells_under(part, self.grid, terrain)),
         )
         # 0 K is lava that was solid throughout
         warm = np.where(temperature > 0.0, temperature, self.scene.lava.solidus)

@@ -10,7 +10,6 @@ import numpy as np
 import warp as wp
 
 from lava_ros.simulation.backend.memory import read_parts
-from lava_ros.simulation.cells.grid import within_ring
 from lava_ros.simulation.cells.highest import Highest
 
 
@@ -44,11 +43,10 @@ class CellPeaks:
         """Return thickness and temperature on some of the terrain's cells: [2, rows, columns].
 
         In a cell of several smaller ones it is the mean of their peaks, and the temperature by
-        thickness. ``onto`` converts maps of these ``cells`` of the solver.
+        thickness. ``onto`` converts these ``cells`` of the maps.
         """
-        thickness, temperature = read_parts(
-            [self.highest.thickness, self.highest.temperature], within_ring(cells)
-        )
+        highest = self.highest
+        thickness, temperature = read_parts([highest.thickness, highest.temperature], cells)
         mean = onto(thickness)
         with np.errstate(invalid='ignore', divide='ignore'):
             warm = onto(thickness * temperature) / mean

@@ -68,15 +68,19 @@ SHARED = """
 #endif
 """
 
-#: Maxima of a step (CUDA: of all threads, in memory that the next step clears).
+#: Maxima of a step (CUDA: of all threads, in memory that the next step clears). The heat, after
+#: the step, has those of the next one.
 SLOTS = """
 #if defined(__CUDA_ARCH__)
-    int* slots = s.slots.data + (counts[0] & 1) * 16;
-    int* others = s.slots.data + (1 - (counts[0] & 1)) * 16;
+    int* slots = s.slots.data + (s.counts.data[0] & 1) * 16;
+    int* others = s.slots.data + (1 - (s.counts.data[0] & 1)) * 16;
 #else
     int slots[16] = {0};
 #endif
 """
+
+#: Number of the maximum of the heat: 1 if any lava is colder than the solidus.
+COLDEST = 15
 
 #: Clears them; ``WHICH`` is ``slots``, or ``others``: those of the step before.
 CLEAR = """
