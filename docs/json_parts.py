@@ -9,6 +9,7 @@ from typing import Any
 
 from lava_ros.cli.console import key_of
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.output import budget
 
 Schema = dict[str, Any]
 
@@ -82,7 +83,7 @@ PRESET = text('Preset of the accuracy')
 def area_error(meaning: str) -> Schema:
     """Return the schema of the numerical error of an area."""
     return keys(meaning, {
-        'particles?': number('Fraction: part of the particles'),
+        'lava?': number('Fraction: part of the particle spacing, or of the size of the cells'),
         'ground?': unknown(number("Fraction: part of the ground's cells; null: unknown")),
         'total': number('Fraction: both parts'),
     })
@@ -113,14 +114,8 @@ QUALITY = {
 
 VOLUMES = {
     **{
-        f'volume_{name}_m3': number(f'Volume of lava: {meaning}') for name, meaning in {
-            'emitted': 'emitted by the vents, and present at the start',
-            'held': 'in the simulation', 'pending': 'part of held that waits in the vents',
-            'left': 'over the border, in cells without data, or in the sea',
-            'frozen': 'solidified', 'late': 'part of pending that is overdue',
-            'in_holes': 'part of left in cells without data',
-            'in_sea': 'part of left in the sea', 'thin': 'too thin to count as inundation',
-        }.items()
+        budget.volume_key(name): number(f'Volume {label}: {meaning}')
+        for name, (label, meaning) in budget.VOLUMES.items()
     },
     'volume_error': number('Fraction of the emitted volume that is unaccounted for'),
 }
@@ -186,11 +181,13 @@ SCORE = {
     'fit': number('Index: square root of jaccard'),
     'hits': count('Cells of both flows'), 'misses': count('Cells of the mapped flow only'),
     'false_alarms': count('Cells of the simulated flow only'),
-    'area_m2': number('Inundated area'), 'standing_area_m2': number('Area with lava at the end'),
-    'mapped_area_m2': number('Mapped area'), 'length_m': number('Runout length'),
-    'mapped_length_m': number('Mapped runout length'), 'volume_m3': number('Volume on the map'),
+    'inundated_area_m2': number('Inundated area'),
+    'standing_area_m2': number('Area with lava at the end'),
+    'mapped_area_m2': number('Mapped area'), 'runout_length_m': number('Runout length'),
+    'mapped_length_m': number('Mapped runout length'),
+    'volume_on_map_m3': number('Volume on the map'),
     'mean_thickness_m': number('Mean thickness'), 'median_thickness_m': number('Median thickness'),
-    'thickest_m': number('Largest thickness'),
+    'largest_thickness_m': number('Largest thickness'),
     'mapped_thickness_m': number('Emitted volume over the mapped area'),
     'length_error': number('Fraction: relative error of the length'),
     'area_error': number('Fraction: relative error of the area'),

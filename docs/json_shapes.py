@@ -72,7 +72,7 @@ SUMMARY = {
     'horizon_s': number('Simulated time at which the members end'),
     'arrival_error_s': number('Error of the arrival times'),
     'members_beyond': count('Members whose lava left the map'),
-    'threshold_m': number('Thickness at or above which lava has arrived'),
+    'inundation_threshold_m': number('Thickness at or above which lava has arrived'),
     'preset': PRESET, 'effects': each({'type': 'object'}, 'Effects at the start, with reasons'),
     'switched_on': each(keys('An effect that the flow called for', {
         'effect': NAME, 'number': number('Number that was measured'),
@@ -181,7 +181,7 @@ CASE = run_keys('A mapped eruption', 'case', {
     'decisions': each(keys('An effect', DECISION)),
     'effects_error': number('Fraction of the area, because of effects that are off'),
     'evaluations': count('Number of velocity evaluations'),
-    'particles_emitted': count('Number of emitted particles'),
+    'particles_emitted?': count('Number of emitted particles; absent on cells'),
     'cell_m': number('Side of a simulated cell'),
     'runs?': keys('Rotated and mirrored runs', {
         'count': count('Number of runs'), 'chance': number('Index: mean 1 - J of two runs'),
@@ -251,11 +251,11 @@ CALIBRATION = keys('A calibration', {
 
 PLAN = keys('A plan', {
     'until_s': number('Simulated time at which a run ends'),
-    'preset': PRESET, 'spacing_m': number('Particle spacing'),
+    'preset': PRESET, 'spacing_m': number('Particle spacing, or size of the cells of lava'),
     'refinement': number('Ratio of the spacing of the preset standard to the spacing'),
     'members': count('Number of runs'), 'wall_time_s': number('Expected time of all runs'),
     'numerical_error': ERROR,
-    'sampling_error': number('Fraction: standard error of a probability of one half'),
+    'sampling_error_percent': number('Standard error of a probability of 50 %'),
     'is_finest': flag('True if more time would hardly reduce the error'),
     'pilots': count('Number of pilot runs'), 'spent_s': number('Time of the pilot runs'),
     'options': each(keys('A possible run', {
@@ -285,7 +285,7 @@ MAP = keys('Drawn maps', {
 })
 
 ARRIVALS = keys('Arrival at places', {
-    'threshold_m': number('Thickness at or above which lava has arrived'),
+    'inundation_threshold_m': number('Thickness at or above which lava has arrived'),
     'time_s?': number('Simulated time of the maps of a run'),
     'horizon_s?': number('Simulated time at which the members end'),
     **{f'{name}?': SUMMARY[name] for name in (
@@ -306,7 +306,7 @@ SPAN = {
 
 INFO = keys('A bag', {
     'path': text('The bag'), 'size_bytes': count('Size'),
-    'recovered': flag('True if the recording was cut off'), **SPAN,
+    'finished': flag('False if the recording was cut off, or has not ended'), **SPAN,
     'duration_s': number('Time from the first to the last message'),
     'damage': each(text(), 'Damaged parts'),
     'files': each(keys('A file', {
@@ -320,7 +320,7 @@ INFO = keys('A bag', {
     })),
     'nodes': each(text(), 'Nodes whose maps the bag has'),
     'simulation': unknown(keys('The end of the only simulation', {
-        'time_s': unknown(number('Simulated time')),
+        'simulated_time_s': unknown(number('Simulated time')),
         **{f'{name}?': unknown(schema) for name, schema in VOLUMES.items()},
         'numerical_error': unknown(ERROR), 'warnings': WARNINGS,
     })),
@@ -347,13 +347,13 @@ DEMO = keys('A demo', {
     'numerical_error_text': text('The numerical error in words'),
     **{f'numerical_error_{name}?': number(f'Fraction: {meaning}') for name, meaning in {
         'inundated': 'error of the inundated area', 'standing': 'error of the standing area',
-        'particles': 'part of the particles', 'ground': "part of the ground's cells",
+        'lava': 'part of the particle spacing', 'ground': "part of the ground's cells",
     }.items()},
     'numerical_error_time_s?': number('Simulated time at which it was measured'),
     'inundated_area_m2': number('Inundated area'),
     'standing_area_m2': number('Area with lava at the end'), **VOLUMES,
     'warnings': WARNINGS, 'steps': count('Number of time steps'),
-    'speed': number('Ratio of simulated time to wall time'),
+    'mean_speed': number('Ratio of simulated time to wall time'),
     'speed_is_limited': flag('True if --max-speed limited it'), 'device': DEVICE,
     'height_maps_received': count('Number of maps of thickness received'),
     'erupting_lava': LAVA, 'wall_time_s': number('Wall time'), 'bag': text('The bag'),

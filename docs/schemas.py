@@ -20,7 +20,7 @@ from lava_ros.scene import constants_of
 from lava_ros.scene.file_keys import CASE_KEYS, SCENE_KEYS
 from lava_ros.scene.uncertainty import definitions
 from lava_ros.simulation.carriers import count_key, COUNTED, max_count_key, METHODS
-from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.budget import volume_key, VOLUMES
 
 FOLDER = Path(__file__).parents[1] / 'schemas'
 
@@ -94,10 +94,11 @@ def run_file() -> Schema:
         'inundation_threshold_m': (number, 'Thickness at or above which lava has arrived'),
         'inundated_area_m2': (number, 'Area inundated so far'),
         'standing_area_m2': (number, 'Area with lava at the end'),
-        **dict.fromkeys(
-            VolumeBudget(0.0, 0.0, 0.0, 0.0).texts(),
-            (number, 'Volume of lava [m3], as in the diagnostics'),
-        ),
+        **{
+            volume_key(name): (number, f'Volume {label} [m3]: {meaning}')
+            for name, (label, meaning) in VOLUMES.items()
+        },
+        'volume_error': (number, 'Fraction of the emitted volume that is unaccounted for'),
         **{count_key(name): (count, f'Number of {COUNTED[name]}') for name in METHODS},
         **{
             max_count_key(name): (count, f'Largest number of {COUNTED[name]} in any map')
@@ -109,7 +110,6 @@ def run_file() -> Schema:
     properties = {
         name: {'description': text, **kind} for name, (kind, text) in meanings.items()
     }
-    properties['volume_error']['description'] = 'Fraction of the volume that is unaccounted for'
     names = list(meanings)
     required = [*names[: names.index('preset')], 'maps']
     return {'type': 'object', 'properties': properties, 'required': required}

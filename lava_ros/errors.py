@@ -153,6 +153,10 @@ class _Shown(reprlib.Repr):
             return f'<integer of {x.bit_length()} bits>'
         return super().repr_int(x, level)
 
+    def repr_float(self, x: float, level: int) -> str:
+        # a number of an input becomes a float: -5 and not -5.0
+        return repr(x).removesuffix('.0')
+
     def repr_bytes(self, x: Any, level: int) -> str:
         return self.repr_str(x, level)
 

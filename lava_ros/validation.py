@@ -4,6 +4,7 @@
 """Checks of user input: each returns the valid value or raises LavaError."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import fields, MISSING
 from datetime import datetime
 import math
@@ -24,6 +25,30 @@ _WITH_UNIT = re.compile(r'\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*[A-Za-z%°]
 
 #: Minimum similarity of a word and the one that was meant, from 0 to 1.
 _SIMILARITY = 0.68
+
+
+class Typed(float):
+    """A number with the text that a user typed, which errors show."""
+
+    text = ''
+
+    def __new__(cls, value: float, text: str = '') -> 'Typed':
+        """Give a number its text."""
+        self = super().__new__(cls, value)
+        self.text = text.strip()
+        return self
+
+    def __repr__(self) -> str:
+        """Show the number as it was typed."""
+        return self.text
+
+
+def as_typed(value: object) -> object:
+    """Return a value for an error: text that is a finite number becomes that number."""
+    with suppress(TypeError, ValueError, OverflowError):
+        if isinstance(value, str) and math.isfinite(found := float(value)):
+            return Typed(found, value)
+    return value
 
 
 def closest(word: object, known: Iterable[str]) -> str:
@@ -75,8 +100,8 @@ def number(
 ) -> float:
     """Return ``value`` as a finite float inside the given limits.
 
-    Text that represents a number is valid: the cells of tables are text. A positive number below
-    ``TINY`` is read as 0.
+    Text that represents a number is valid: the cells of tables are text. The result is a plain
+    float, without the text of a ``Typed``. A positive number below ``TINY`` is read as 0.
 
     Raises:
         LavaError: If the value is not a finite number or is outside the limits.
@@ -99,7 +124,8 @@ def number(
     limits = {'above': above, 'at least': at_least, 'at most': at_most}
     phrases = [f' {word} {limit:g}{suffix}' for word, limit in limits.items() if limit is not None]
     expected = f'a finite number{" and".join(phrases) or alone}'
-    raise LavaError(field, value, expected + _slip(value, at_least, at_most, unit))
+    slip = _slip(value, at_least, at_most, unit)
+    raise LavaError(field, as_typed(value), expected + slip)
 
 
 def _slip(value: object, least: float | None, most: float | None, unit: str) -> str:

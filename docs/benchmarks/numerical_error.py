@@ -184,7 +184,7 @@ class Runs:
         jobs = next(self._partners(accuracy)), *self._partners(partner)
         run, own, coarse = (self.read(job.run) for job in jobs)
         pairs = {
-            'particles': Pair(run.areas, own.areas, reduction),
+            'lava': Pair(run.areas, own.areas, reduction),
             'ground': Pair(own.areas, coarse.areas, richardson(2.0, GROUND_ORDER)),
         }
         error = error_of(
@@ -321,7 +321,7 @@ def compare(name: str, folder: Path) -> Iterator[dict[str, Any]]:
         ):
             part, actual = getattr(stated, area), difference(one, other)
             row |= {
-                f'{area}_particles': part.particles,
+                f'{area}_particles': part.lava,
                 f'{area}_ground': part.ground,
                 f'{area}_stated': part.total,
                 f'{area}_actual': actual,

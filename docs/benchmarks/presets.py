@@ -85,7 +85,7 @@ def measure(job: Job, folder: Path) -> dict[str, Any]:
         part, expected = getattr(stated, name), choice.error and getattr(choice.error, name)
         row |= {
             f'{name}_expected': expected.total if expected else math.nan,
-            f'{name}_particles': part.particles,
+            f'{name}_particles': part.lava,
             f'{name}_ground': part.ground,
             f'{name}_stated': part.total,
         }

@@ -181,7 +181,7 @@ class Moment:
     """The diagnostics of one frame: ROS time [ns], simulated time [s], and texts by name.
 
     In a timeline, ROS times continue where the clock jumped (``Timeline.ros_time``). An example of
-    a name in ``values`` is ``volume_held_m3``. ``node`` is the full name of the node
+    a name in ``values`` is ``volume_emitted_m3``. ``node`` is the full name of the node
     of the simulation, empty if it is unknown.
     """
 

@@ -34,7 +34,7 @@ def numerical_error_values(error: NumericalError) -> dict[str, str]:
     return {
         'numerical_error_inundated': f'{area.total:.2g}',
         'numerical_error_standing': f'{error.standing.total:.2g}',
-        'numerical_error_particles': f'{area.particles:.2g}',
+        'numerical_error_lava': f'{area.lava:.2g}',
         'numerical_error_ground': f'{area.ground:.2g}',
         'numerical_error_time_s': repr(error.time),
     }

@@ -174,7 +174,7 @@ def flow_facts(
         *([('kind of flow', record['flow_kind'])] if record.get('flow_kind') else []),
         ('numerical error', record['numerical_error_text']),
         ('inundated area', area_words(record['inundated_area_m2'])),
-        ('standing lava', area_words(record['standing_area_m2'])),
+        ('standing area', area_words(record['standing_area_m2'])),
         *((f'volume {name}', value) for name, value in budget.rows()),
     ]
 

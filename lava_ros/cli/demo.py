@@ -195,7 +195,7 @@ def _result(values: Mapping[str, str], max_speed: float) -> dict[str, Any]:
         **{name: float(text) for name, text in budget.texts().items()},
         'warnings': budget.warnings_at_end(),
         'steps': int(values['steps']),
-        'speed': round(speed, 1),
+        'mean_speed': round(speed, 1),
         'speed_is_limited': speed > 0.85 * max_speed,
         'device': values['device'],
     }
@@ -208,7 +208,7 @@ def _print_result(result: dict[str, Any]) -> None:
     print_facts([
         ('simulated time', duration(result['simulated_time_s'])),
         *flow_facts(result, result),
-        ('speed', f'{result["speed"]:,.0f} x real time{held}'),
+        ('mean speed', f'{result["mean_speed"]:,.0f} x real time{held}'),
         ('device', result['device']),
         ('maps over DDS', f'{result["height_maps_received"]} of height'),
         ('wall time', f'{result["wall_time_s"]:.1f} s'),

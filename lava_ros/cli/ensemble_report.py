@@ -95,7 +95,7 @@ def summarize(
         'horizon_s': plan.horizon,
         'arrival_error_s': maps.arrival_error,
         'members_beyond': maps.members_beyond,
-        'threshold_m': plan.threshold,
+        'inundation_threshold_m': plan.threshold,
         'preset': options.preset,
         'effects': [{'time': 0.0, 'effects': plan.explain_effects()}],
         'switched_on': [asdict(item) for item in plan.switched_on],

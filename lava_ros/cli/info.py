@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
+import logging
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.cli.console import table_lines, with_units, write_json
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from lava_ros.bag.mcap_file import McapFile
     from lava_ros.bag.reader import BagReader
 
+_LOG = logging.getLogger(__name__)
+
 #: Parts of the custom data that are parsed.
 _READ = ('scene', 'effects', 'resumed_from')
 
@@ -28,7 +31,8 @@ def info(args: argparse.Namespace) -> int:
     """Print what a bag contains.
 
     The command prints the scene, the topics and the state of a bag. It reads a bag whose recording
-    was cut off up to the last complete message.
+    was cut off up to the last complete message, and then exits with status 1, as for a damaged
+    bag.
     """
     from lava_ros.bag.reader import BagReader
 
@@ -39,7 +43,12 @@ def info(args: argparse.Namespace) -> int:
         print('\n'.join(_lines(bag, data, refused)))
     else:
         write_json(data, args.json)
-    return 0
+    if bag.recovered:
+        _LOG.warning(
+            '%s was cut off, or is still being recorded; lava bag recover makes a finished bag of '
+            'it', bag.path,
+        )
+    return int(bag.recovered and not args.incomplete)
 
 
 def _as_dict(
@@ -65,7 +74,8 @@ def _as_dict(
             for item in bag.contents
         ],
         'size_bytes': bag.size,
-        **parts(bag, 'recovered', *span),
+        'finished': not bag.recovered,
+        **parts(bag, *span),
         'damage': list(bag.damage),
         'duration_s': bag.duration_ns / 1e9,
         'topics': [
@@ -114,7 +124,7 @@ def _simulation(bag: BagReader, node: str | None) -> dict[str, Any]:
         moment = moments[0]
         names = [name for name in moment.values if name.startswith('volume_')]
         found['simulation'] = {
-            'time_s': moment.time,
+            'simulated_time_s': moment.time,
             **{name: moment.number(name) for name in names},
             'numerical_error': error_of_moment(moment),
             'warnings': warnings_of_moments([moment]),
@@ -145,7 +155,7 @@ def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> li
         several = '; --node shows one of them' if len(data['nodes']) > 1 else ''
         lines.append(f'nodes      {", ".join(data["nodes"])}{several}')
     if (simulation := data['simulation']) is not None:
-        lines.append(f'simulated  {simulation["time_s"]:.3f} s')
+        lines.append(f'simulated  {simulation["simulated_time_s"]:.3f} s')
         budget = VolumeBudget.from_texts(simulation)
         if budget is not None:
             lines += ['volumes', *(f'  {name:30} {value}' for name, value in budget.rows())]

@@ -92,7 +92,7 @@ def _checked(check: Callable[[str], Any]) -> Callable[[str], Any]:
 
 def _number(name: str, kind: type, text: str) -> float:
     if kind is float:
-        return validation.number(name, text)
+        return validation.Typed(validation.number(name, text), text)
     try:
         return int(text)
     except ValueError:
@@ -177,8 +177,8 @@ _SHARED = {item[0][0]: item for item in (
     ),
     argument('--fresh', None, 'ignore the results of earlier runs', action='store_true'),
     argument(
-        '--incomplete', None, 'accept a bag that is damaged or lacks messages: exit with status 0 '
-        'instead of 1', action='store_true',
+        '--incomplete', None, 'accept a bag that is damaged, cut off or lacks messages: exit with '
+        'status 0 instead of 1', action='store_true',
     ),
     argument(
         '--json', 'FILE', 'write the result as JSON to a file, or to stdout without a file or '
@@ -211,7 +211,10 @@ _SHARED = {item[0][0]: item for item in (
     ),
     argument('--preset', None, 'accuracy', DEFAULT_PRESET, choices=PRESETS),
     argument('--seed', 'N', 'seed of the random numbers', 0),
-    argument('--spacing', 'M', "distance between particles [m]; replaces the preset's", float),
+    argument(
+        '--spacing', 'M', "distance between particles [m]; replaces the preset's; cells have the "
+        "nearest size that is 2^k times that of the terrain's cells", float,
+    ),
     argument(
         '--start', 'DATE', 'date of the start of the eruption, which is time 0: '
         '2021-09-19T14:10:00Z; maps and tables then have dates (default: that of the run, if it '

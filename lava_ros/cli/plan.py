@@ -78,7 +78,10 @@ def plan(args: argparse.Namespace) -> int:
         print('\n'.join(table_lines(_changes(found), '<>>')))
         print('by a change of one quantity from its 10 % to its 90 % quantile, in coarse runs')
     if found.members > 1:
-        print(f'error of a probability of 50 %: {100.0 * found.sampling_error:.2g} %')
+        print(
+            f'standard error of a probability of 50 %: {100.0 * found.sampling_error:.2g} '
+            'percentage points'
+        )
     accuracy = preset_accuracy(found.preset, spacing=found.spacing)
     accuracy = replace(accuracy, method=args.method)
     log_resolution(scene, accuracy, forced, until)
@@ -116,7 +119,7 @@ def _table(found: RunPlan) -> list[list[str]]:
     for item in found.options:
         area = item.error.inundated
         rows.append([
-            f'{item.spacing:.3g} m', percent(area.total), percent(area.particles),
+            f'{item.spacing:.3g} m', percent(area.total), percent(area.lava),
             percent(area.ground), percent(item.error.standing.total), seconds(item.wall_time),
             ', '.join(['<- plan'] * (item.refinement == found.refinement) + [
                 name for name, refinement in found.presets.items()
@@ -129,6 +132,7 @@ def _table(found: RunPlan) -> list[list[str]]:
 def _as_dict(found: RunPlan) -> dict[str, Any]:
     """Return a plan as plain data."""
     plain = asdict(found) | {'numerical_error': found.numerical_error.as_dict()}
+    plain['sampling_error_percent'] = 100.0 * plain.pop('sampling_error')
     plain['options'] = [
         asdict(item) | {'error': item.error.as_dict()} for item in found.options
     ]

@@ -18,7 +18,8 @@ def recover(args: argparse.Namespace) -> int:
     """Copy the readable messages of a bag that was cut off or damaged into a new bag.
 
     The command leaves out the damaged parts of the bag and prints where they are. The new bag is
-    complete. The exit status is 1 if no message can be read.
+    complete. The exit status is 0 if all messages before the end of the bag are copied, also if it
+    was cut off, and 1 if the bag is damaged or no message can be read.
     """
     from lava_ros.bag.reader import BagReader
     from lava_ros.bag.recovery import recover as recover_bag

@@ -189,7 +189,6 @@ def _dated(
 def _as_dict(case: Case, result: Result, judged: Score) -> dict[str, Any]:
     """Return what ``run.json`` has of a mapped eruption in addition to that of a scene."""
     budget, accuracy = result.snapshot.budget, result.accuracy
-    assert accuracy.spacing is not None and accuracy.thickness is not None
     return {
         'case': case.name,
         'title': case.title,
@@ -202,14 +201,21 @@ def _as_dict(case: Case, result: Result, judged: Score) -> dict[str, Any]:
         'decisions': [item.as_dict() for item in result.decisions],
         'effects_error': result.effects_error,
         'evaluations': result.snapshot.steps.evaluations,
-        'particles_emitted': round(budget.emitted / (accuracy.spacing**2 * accuracy.thickness)),
+        **({'particles_emitted': round(budget.emitted / accuracy.particle_volume)}
+           if accuracy.method == 'particles' else {}),
         'cell_m': case.scene.terrain.resolution * coarseness(case, accuracy),
     }
 
 
 def _score_as_dict(judged: Score) -> dict[str, Any]:
-    lengths = 'length mapped_length mean_thickness median_thickness thickest mapped_thickness'
+    names = {
+        'area': 'inundated_area', 'length': 'runout_length', 'thickest': 'largest_thickness',
+        'volume': 'volume_on_map',
+    }
+    lengths = 'runout_length mapped_length mean_thickness median_thickness largest_thickness '
     plain = with_units(
-        asdict(judged), m=lengths, m2='area standing_area mapped_area', m3='volume'
+        {names.get(name, name): value for name, value in asdict(judged).items()},
+        m=f'{lengths} mapped_thickness', m2='inundated_area standing_area mapped_area',
+        m3='volume_on_map',
     )
     return dict(plain)

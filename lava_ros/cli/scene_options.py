@@ -4,6 +4,7 @@
 """Arguments that describe a scene; ``scenes.py`` makes the scene."""
 
 from lava_ros.cli.options import Argument, argument, shared
+from lava_ros.validation import Typed
 
 #: Default lava, as in ``lava_ros.scene.materials``, which is slow to import.
 DEFAULT_MATERIAL = 'etna_basalt'
@@ -20,7 +21,7 @@ EMPLACED_KINDS = ('lava', 'ground')
 
 def _rate(text: str) -> float | str:
     try:
-        return float(text)
+        return Typed(float(text), text)
     except ValueError:
         return text
 

@@ -53,7 +53,8 @@ def source_of(args: argparse.Namespace) -> SceneSource:
     if isinstance(given.get('from_outline'), str):
         # a time in s, or a date
         with suppress(ValueError):
-            given['from_outline'] = float(given['from_outline'])
+            text = given['from_outline']
+            given['from_outline'] = validation.Typed(float(text), text)
     shared = {
         'thickness': args.emplaced_thickness, 'volume': args.emplaced_volume,
         'solidified': args.emplaced_solidified, 'as': args.emplaced_as,

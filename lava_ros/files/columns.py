@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 import re
-from typing import Any, NoReturn
+from typing import NoReturn
 import unicodedata
 
 from lava_ros import validation
@@ -126,10 +126,12 @@ class Column:
     axis: str = ''
     is_date: bool = False
 
-    def number(self, where: str, value: object, **limits: Any) -> float:
+    def number(
+        self, where: str, value: object, *, unit: str = '', **limits: float
+    ) -> float:
         """Return a value in SI units, or an angle in degrees.
 
-        ``limits`` are those of ``validation.number`` in SI units.
+        ``limits`` are those of ``validation.number`` in SI units, with their ``unit``.
 
         Raises:
             LavaError: If the value is not valid. The error names ``where`` and the header.
@@ -141,12 +143,15 @@ class Column:
         if self.is_date:
             expected = 'a header without the word date, such as start_s or time_h'
             raise LavaError(label, value, expected)
-        result = validation.number(label, value) * self.factor + self.offset
-        return validation.number(label, result, **limits)
+        # an error has the number, and its limits, in the unit of the file
+        is_converted = (self.factor, self.offset) != (1.0, 0.0)
+        limits = {name: (one - self.offset) / self.factor for name, one in limits.items()}
+        found = validation.number(label, value, **limits, unit='' if is_converted else unit)
+        return found * self.factor + self.offset
 
     def refuse(self, where: str, value: object, expected: str) -> NoReturn:
         """Raise LavaError for a value, with ``where`` and the header."""
-        raise LavaError(f'{where}, {self.header}', value, expected)
+        raise LavaError(f'{where}, {self.header}', validation.as_typed(value), expected)
 
 
 def understood(

@@ -13,6 +13,7 @@ import yaml
 
 from lava_ros.errors import LavaError, MAX_VALUE_LENGTH, one_line, refusing
 from lava_ros.files import open_input
+from lava_ros.validation import Typed
 
 #: Maximum size of a text [bytes].
 MAX_BYTES = 16 * 2**20
@@ -210,6 +211,16 @@ class _Loader(yaml.SafeLoader):
             raise yaml.constructor.ConstructorError(None, None, wrong, node.start_mark) from error
 
 
+def _float_as_typed(loader: _Loader, node: yaml.ScalarNode) -> float:
+    """Return a float with its text, which errors show."""
+    return Typed(loader.construct_yaml_float(node), node.value)
+
+
+def _plain_float(dumper: Any, value: Typed) -> yaml.ScalarNode:
+    node: yaml.ScalarNode = dumper.represent_float(float(value))
+    return node
+
+
 class _Dumper(yaml.SafeDumper):
     """The safe dumper, which also quotes text that the loader would read as a number."""
 
@@ -220,3 +231,6 @@ class _QuickDumper(getattr(yaml, 'CSafeDumper', yaml.SafeDumper)):  # type: igno
 
 for _kind in (_Loader, _Dumper, _QuickDumper):
     _kind.add_implicit_resolver('tag:yaml.org,2002:float', _FLOAT, list('-+.0123456789'))
+_Loader.add_constructor('tag:yaml.org,2002:float', _float_as_typed)
+for _kind in (_Dumper, _QuickDumper):
+    _kind.add_representer(Typed, _plain_float)

@@ -398,7 +398,8 @@ class _MemberSink(PeakSink):
             for times in (seen.arrival, seen.half_inundated)
         )
         budget = simulation.budget()
-        left = min(max((budget.left - budget.in_sea) / max(budget.emitted, 1e-9), 0.0), 1.0)
+        lost = budget.lost - budget.lost_in_sea
+        left = min(max(lost / max(budget.emitted, 1e-9), 0.0), 1.0)
         return MemberFields(
             self._index, arrival, half_inundated, seen.inundated, np.nan_to_num(seen.thickness),
             left, seen.corner, self._called,

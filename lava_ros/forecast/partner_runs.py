@@ -22,7 +22,7 @@ from lava_ros.scene import Scene
 from lava_ros.scene.terrain import Terrain
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.cells.grid import grid_of
+from lava_ros.simulation.cells.cell_size import cell_size
 from lava_ros.simulation.method import do_methods_agree
 from lava_ros.simulation.numerical_error import (
     Areas,
@@ -76,7 +76,7 @@ def measuring(
     chosen, reduction = partner or partner_of(scene, accuracy, effects)
     pairs: dict[str, Pair] = {}
     others: list[Areas] = []
-    for part, ground in (('particles', scene), ('ground', on_coarser_ground(scene))):
+    for part, ground in (('lava', scene), ('ground', on_coarser_ground(scene))):
         if ground is None:
             continue
         simulation = Simulation(
@@ -84,7 +84,7 @@ def measuring(
         )
         yield from driving(simulation, time)
         others.append(areas(simulation.snapshot()))
-        if part == 'particles':
+        if part == 'lava':
             pairs[part] = Pair(run, others[0], reduction)
         else:
             pairs[part] = Pair(others[0], others[1], richardson(2.0, GROUND_ORDER))
@@ -107,7 +107,7 @@ def partner_of(scene: Scene, accuracy: Accuracy, effects: Effects) -> tuple[Accu
         return coarser_partner_of(accuracy)
     doublings = max(math.ceil(math.log2(spacing / cell)), 0)
     # a small terrain limits the size
-    size = grid_of(scene.terrain, cell * 2.0**doublings).resolution
+    size = cell_size(scene.terrain, cell * 2.0**doublings)
     return replace(accuracy, method='cells', spacing=size), between_methods(size, spacing)
 
 

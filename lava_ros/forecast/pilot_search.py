@@ -274,7 +274,7 @@ class PilotSearch:
 
     def _error_of(self, pair: Pair, pilot: Pilot, coarse: Pilot | None) -> NumericalError:
         """Return the error of the finest pilot by a pair; ``coarse`` as for ``_measure``."""
-        pairs, finest = {'particles': pair}, self.pilots[-1]
+        pairs, finest = {'lava': pair}, self.pilots[-1]
         if coarse is not None:
             pairs['ground'] = Pair(pilot.areas, coarse.areas, richardson(2.0, GROUND_ORDER))
         return error_of(
@@ -291,7 +291,7 @@ class PilotSearch:
         """Return the numerical error of a run."""
         ratio = self.pilots[-1].refinement / refinement
         inundated, standing = (
-            replace(area, particles=scaled(area.particles, ratio**self.order))
+            replace(area, lava=scaled(area.lava, ratio**self.order))
             for area in (self._error.inundated, self._error.standing)
         )
         spacing = self.accuracy_at(refinement).spacing
@@ -314,6 +314,6 @@ class PilotSearch:
         if not target > 0.0:
             return math.inf
         # errors of areas multiply (scaled)
-        found, target = (min(max(part, 1e-9), 0.999) for part in (area.particles, target))
+        found, target = (min(max(part, 1e-9), 0.999) for part in (area.lava, target))
         ratio = math.log1p(-found) / math.log1p(-target)
         return self.pilots[-1].refinement * ratio ** (1.0 / self.order)

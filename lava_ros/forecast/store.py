@@ -188,7 +188,7 @@ class Store(RecordedFolder):
                 'forced': plan.forced,
                 'effects': asdict(plan.effects),
                 'switched_on': [asdict(item) for item in plan.switched_on],
-                'threshold_m': plan.threshold,
+                'inundation_threshold_m': plan.threshold,
                 'looks': plan.samples,
                 'start_s': None if plan.start is None else plan.start.time,
             },

@@ -89,10 +89,10 @@ def facts(
         'precision': f'{judged.precision:.3f}',
         'inundated area': f'{judged.area / 1e6:.3f} of {judged.mapped_area / 1e6:.3f} km² '
         f'({100 * judged.area_error:+.0f} %)',
-        'standing lava': f'{judged.standing_area / 1e6:.3f} km² at the end',
+        'standing area': f'{judged.standing_area / 1e6:.3f} km² at the end',
         'runout length': f'{judged.length / 1e3:.3g} of {judged.mapped_length / 1e3:.3g} km '
         f'({100 * judged.length_error:+.0f} %)',
-        'volume': f'{judged.volume / 1e6:.3g} million m³',
+        'volume on the map': f'{judged.volume / 1e6:.3g} million m³',
         'mean thickness': f'{judged.mean_thickness:.1f} m '
         f'(mapped area: {judged.mapped_thickness:.1f} m)',
         'numerical error': NOT_MEASURED if error is None else error.text(),
@@ -225,7 +225,10 @@ def write_maps(
         maps['runs'] = 100.0 * several.share
     origin = Provenance(case.name, result.effects, preset, onset=case.onset)
     compared = replace(origin, observation=f'mapped flow field of {case.name}')
-    tags = {'threshold_m': repr(snapshot.threshold), 'simulated_time_s': repr(snapshot.time)}
+    tags = {
+        'inundation_threshold_m': repr(snapshot.threshold),
+        'simulated_time_s': repr(snapshot.time),
+    }
     return [
         write_grid(
             folder / f'{name}.tif', name, np.where(terrain.has_data, values, np.float32(np.nan)),

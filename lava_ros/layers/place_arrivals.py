@@ -211,7 +211,7 @@ class ArrivalTable:
     def summary(self) -> str:
         """Definition of the times, for people."""
         facts = self.facts
-        words = f'lava at least {facts["threshold_m"]:g} m thick, times from the start'
+        words = f'lava at least {facts["inundation_threshold_m"]:g} m thick, times from the start'
         if facts.get('time_s') is not None:
             words += f', up to {duration(facts["time_s"])}'
         if self.is_ensemble:

@@ -64,7 +64,7 @@ def _table_of_bag(
         end = validation.number('--at', time, at_most=math.inf if end is None else end, unit='s')
         arrived = np.where(arrived <= end, arrived, np.nan)
     facts: dict[str, Any] = {
-        'threshold_m': panel.frame.threshold, 'time_s': end, **run.quality(),
+        'inundation_threshold_m': panel.frame.threshold, 'time_s': end, **run.quality(),
     }
     if panel.frame.arrived is not panel.values and np.isfinite(places.at(arrived)).any():
         facts['note'] = 'each time is that of the first map in the bag with lava at the place'
@@ -94,7 +94,7 @@ def _table_of_members(
         members=maps.effective_members,
     )
     facts: dict[str, Any] = {
-        'threshold_m': members.plan.threshold,
+        'inundation_threshold_m': members.plan.threshold,
         'horizon_s': members.plan.horizon,
         'members': maps.members,
         'effective_members': maps.effective_members,

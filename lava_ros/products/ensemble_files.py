@@ -42,7 +42,7 @@ def write_atlas(
         'members': str(maps.members),
         'effective_members': repr(maps.effective_members),
         'horizon_s': repr(plan.horizon),
-        'threshold_m': repr(plan.threshold),
+        'inundation_threshold_m': repr(plan.threshold),
         'arrival_error_s': repr(maps.arrival_error),
         **{
             f'inundated_area_p{100.0 * fraction:.0f}_m2': repr(area)
@@ -59,7 +59,7 @@ def write_atlas(
     if maps.worst is not None:
         layers['arrival_time_earliest'] = maps.worst.arrival
         layers['largest_peak_thickness'] = maps.worst.thickness
-    known = {'threshold_m': plan.threshold}
+    known = {'inundation_threshold_m': plan.threshold}
     shapes = {'inundation_probability': gis.probabilities(maps.probability, terrain, **known)}
     for fraction, values in maps.arrival.items():
         name = f'arrival_time_p{round(100 * fraction)}'

@@ -260,7 +260,7 @@ def _inundated_tags(frame: Frame) -> dict[str, str]:
     """Return tags of the inundated fractions of a frame."""
     assert frame.inundated is not None
     return {
-        'threshold_m': repr(frame.threshold),
+        'inundation_threshold_m': repr(frame.threshold),
         'inundated_area_m2': repr(frame.area(frame.inundated)),
         **({} if frame.time is None else {'simulated_time_s': repr(frame.time)}),
     }
@@ -278,7 +278,7 @@ def _history_map(name: str, history: Arrival) -> gis.Made:
         is_noted = history.is_noted
         least = history.threshold
         return raise_peak(history.peak, history.times, least) if is_noted else history.peak, tags
-    tags['threshold_m'] = repr(history.threshold)
+    tags['inundation_threshold_m'] = repr(history.threshold)
     if history.is_noted:
         tags['note'] = 'times are exact to a time step of the simulation'
     else:
@@ -302,11 +302,11 @@ def _shapes(
     if cells is None or part is None:
         cells = part = frame.standing
         name = 'standing lava'
-    known = {'threshold_m': frame.threshold, 'area_m2': frame.area(part)}
+    known = {'inundation_threshold_m': frame.threshold, 'area_m2': frame.area(part)}
     layers = {'outline': gis.area(cells, terrain, shows=name, **known)}
     if 'arrival' in newest:
         layers['isochrones'] = gis.isochrones(
-            newest['arrival'][0], terrain, onset, threshold_m=history.threshold
+            newest['arrival'][0], terrain, onset, inundation_threshold_m=history.threshold
         )
     return layers
 

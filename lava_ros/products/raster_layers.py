@@ -51,6 +51,9 @@ class RasterLayer:
         return np.where(np.isfinite(cells), cells, NODATA).astype(kind)
 
 
+#: Lava that counts, with the tag of its minimum thickness.
+_INUNDATING = 'lava at or above the threshold thickness (inundation_threshold_m)'
+
 #: All maps by name.
 RASTER_LAYERS = {
     'thickness': RasterLayer(
@@ -70,18 +73,16 @@ RASTER_LAYERS = {
     ),
     'arrival': RasterLayer(
         'arrival', 's',
-        'simulated time at which lava at or above the threshold thickness (threshold_m) reached '
-        'the cell; no data: it did not',
+        f'simulated time at which {_INUNDATING} reached the cell; no data: it did not',
     ),
     'inundated': RasterLayer(
         'inundated', '1',
-        'fraction of the cell that lava at or above the threshold thickness (threshold_m) has '
-        'covered so far, at least 0.02 where it has touched the cell; no data: outside the '
-        'terrain',
+        f'fraction of the cell that {_INUNDATING} has covered so far, at '
+        'least 0.02 where it has touched the cell; no data: outside the terrain',
     ),
     'inundation_probability': RasterLayer(
         'probability', '%',
-        'probability that lava at or above the threshold thickness (threshold_m) reaches the cell '
+        f'probability that {_INUNDATING} reaches the cell '
         'within the horizon (horizon_s); 0: in no member, a probability below unseen_percent; no '
         'data: outside the terrain',
     ),
@@ -100,14 +101,14 @@ RASTER_LAYERS = {
     ),
     'arrival_time_earliest': RasterLayer(
         'arrival', 's',
-        'time from the start of the earliest arrival of lava at or above the threshold thickness '
-        '(threshold_m) in any member; it comes earlier with a probability below unseen_percent; '
+        f'time from the start of the earliest arrival of {_INUNDATING} '
+        'in any member; it comes earlier with a probability below unseen_percent; '
         'no data: it reached the cell in no member within the horizon (horizon_s)',
     ),
     **{
         f'arrival_time_p{percent}': RasterLayer(
             'arrival', 's',
-            'time from the start by which lava at or above the threshold thickness (threshold_m) '
+            f'time from the start by which {_INUNDATING} '
             f'has reached the cell in {percent} % of all members, to arrival_error_s and a time '
             f'step; it comes earlier with a probability of arrives_before_p{percent}_percent; no '
             'data: it reached the cell in fewer members within the horizon (horizon_s)',

@@ -45,7 +45,7 @@ from lava_ros.scene.projection import system_words
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.carriers import describe_carriers, METHODS
 from lava_ros.simulation.numerical_error import brief_text, NOT_MEASURED
-from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.budget import LABEL_OF_SEA, VolumeBudget
 
 _LOG = logging.getLogger(__name__)
 
@@ -264,8 +264,9 @@ def _emitted(
         value = budget.emitted
         in_millions, rounded = f'{value / 1e6:.3g} million m³', float(f'{value:.3g}')
         facts['volume emitted'] = in_millions if value >= 1e5 else f'{rounded:,g} m³'
-        if budget.in_sea:
-            facts['volume in the sea'] = dict(budget.rows())['in the sea'].replace('m3', 'm³')
+        if budget.lost_in_sea:
+            lost = dict(budget.rows())[LABEL_OF_SEA]
+            facts[f'volume {LABEL_OF_SEA}'] = lost.replace('m3', 'm³')
     return facts
 
 
@@ -351,7 +352,7 @@ def _ensemble(folder: Path) -> Run:
                 words, _, _ = title.partition(' (')
                 title = words if part is None else title.format(f'{float(part):.2g}')
             maps[name] = Panel(frame, source, values, title)
-        horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
+        horizon, threshold = float(tags['horizon_s']), float(tags['inundation_threshold_m'])
         members, effective = tags['members'], float(tags['effective_members'])
         observation = tags.get('observation', 'none')
         onset = stated_onset(tags.get('onset', 'unknown'), str(folder))

@@ -78,17 +78,17 @@ def error_of_moment(moment: Moment | None) -> dict[str, Any] | None:
     """
     if moment is None:
         return None
-    inundated, standing, particles, ground, time = (
+    inundated, standing, lava, ground, time = (
         None if math.isnan(value) else value
         for value in (
             moment.number(f'numerical_error_{name}')
-            for name in ('inundated', 'standing', 'particles', 'ground', 'time_s')
+            for name in ('inundated', 'standing', 'lava', 'ground', 'time_s')
         )
     )
     if inundated is None:
         return None
     return {
-        'inundated': {'particles': particles, 'ground': ground, 'total': inundated},
+        'inundated': {'lava': lava, 'ground': ground, 'total': inundated},
         'standing': {'total': standing},
         'time_s': time,
     }

@@ -180,12 +180,14 @@ def read_effusion_rates(
             _LOG.warning(f'{where}: no {columns[amount].header}, interpolated in time')
         else:
             typed = tuple(row[columns[name].header] for name in times)
-            read.append(_Row(where, when[0], when[-1], rate, error, typed))
+            text = row[columns[amount].header]
+            read.append(_Row(where, when[0], when[-1], rate, error, typed, text))
     result = []
     for item in _mean_rates(str(path), read, columns, amount, options.gaps):
         rate, error = item.value * factor, item.error * factor
         if rate > MAX_DISCHARGE:
-            columns[amount].refuse(item.where, rate, f'0 to {MAX_DISCHARGE:g} m3/s')
+            expected = f'a rate of 0 to {MAX_DISCHARGE:g} m3/s'
+            columns[amount].refuse(item.where, item.typed_value or rate, expected)
         known_error = None if math.isnan(error) else error
         result.append(Interval(item.start, item.end, rate, known_error))
     if not any(interval.discharge > 0.0 for interval in result):
@@ -262,7 +264,8 @@ def instants_to_series(
 class _Row(NamedTuple):
     """A row: label in errors, times [s], and rate [m3/s] or volume [m3], NaN if missing.
 
-    ``typed`` are the texts of its times in the table, if any.
+    ``typed`` are the texts of its times in the table, and ``typed_value`` that of its value, if
+    any.
     """
 
     where: str
@@ -271,6 +274,7 @@ class _Row(NamedTuple):
     value: float
     error: float = math.nan
     typed: tuple[str, ...] = ()
+    typed_value: str = ''
 
     def time(self, number: int) -> str | float:
         """Return its first (0) or last (-1) time as in the table, or in seconds if that is it."""
@@ -389,9 +393,9 @@ def _between(first: _Row, last: _Row, volume: Column | None) -> _Row:
     if volume is not None:
         value = last.value - first.value
         if value < 0.0:
-            expected = f'at least that of the row before, {first.value:g} m3'
-            volume.refuse(last.where, last.value, expected)
+            expected = f'at least that of the row before, {first.typed_value}'
+            volume.refuse(last.where, last.typed_value, expected)
     elif errors:
         error = sum(errors) / len(errors)
     typed = (*first.typed[:1], *last.typed[:1])
-    return _Row(last.where, first.start, last.start, value, error, typed)
+    return _Row(last.where, first.start, last.start, value, error, typed, last.typed_value)

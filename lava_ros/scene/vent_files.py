@@ -10,7 +10,7 @@ from itertools import groupby, pairwise
 import logging
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from lava_ros import validation
 from lava_ros.errors import LavaError, RefusalError
@@ -89,6 +89,9 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
             return usual
         return columns[name].number(where, properties[columns[name].header], **limits)
 
+    def refuse(name: str, expected: str) -> NoReturn:
+        columns[name].refuse(where, properties[columns[name].header], expected)
+
     for index, (where, group) in enumerate(groupby(features, key=lambda item: item.where)):
         given = list(group)
         parts = [part.on(terrain) for part in given]
@@ -98,14 +101,14 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
         rate = number('effusion_rate', at_least=0.0, unit='m3/s')
         if rate is not None and columns['effusion_rate'].kind == 'dense-rock':
             expected = 'a bulk effusion rate: 1 / (1 - porosity) times the dense-rock one'
-            columns['effusion_rate'].refuse(where, rate, expected)
+            refuse('effusion_rate', expected)
         time, width = number('time'), number('width', above=0.0)
         if width is not None and 'radius' in columns:
             names = (columns[name].header for name in ('width', 'radius'))
             raise validation.conflict(*(f'{where}, {name}' for name in names))
         opens, closes = number('start', -math.inf), number('end', math.inf)
         if closes <= opens:
-            columns['end'].refuse(where, closes, f'a time after its start, {opens:g} s')
+            refuse('end', f'a time after its start, {opens:g} s')
         whole = VentRow(
             # all rows with a time belong to one vent
             parts[0].name or f'vent {index if time is None else 0}',
@@ -123,7 +126,7 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
             rows += _divide(whole, segments)
         elif len(segments) != 1 or rate is None:
             expected = 'an effusion rate, and a point or a straight line'
-            columns['time'].refuse(where, time, expected)
+            refuse('time', expected)
         else:
             (vent,) = _divide(replace(whole, discharge=None), segments)
             instants[vent].append((time, rate))

@@ -45,9 +45,9 @@ def check_discharge(label: str, value: object) -> float | tuple[tuple[float, flo
     pairs: list[tuple[float, float]] = []
     for index, item in enumerate(value):
         time, flux = validation.pair(f'{label}[{index}]', item, unit='(s, m3/s)')
-        RATE_CHECK(f'{label}[{index}][1]', flux)
+        RATE_CHECK(f'{label}[{index}][1]', item[1])
         if pairs and time <= pairs[-1][0]:
-            raise LavaError(f'{label}[{index}][0]', time, f'a time after {pairs[-1][0]:g} s')
+            raise LavaError(f'{label}[{index}][0]', item[0], f'a time after {pairs[-1][0]:g} s')
         pairs.append((time, flux))
     if not pairs:
         raise LavaError(label, value, 'an effusion rate [m3/s] or at least one (s, m3/s) pair')

@@ -89,22 +89,22 @@ class AreaError:
     """Numerical error of one area, a fraction of it.
 
     Attributes:
-        particles: Part of the particle spacing.
+        lava: Part of the particle spacing, or of the size of the cells of lava.
         ground: Part of the ground's cells; NaN if the terrain is too small to coarsen.
     """
 
-    particles: float
+    lava: float
     ground: float
 
     @property
     def total(self) -> float:
         """Root of the sum of the squares of the parts, at most 1."""
-        return min(math.hypot(self.particles, np.nan_to_num(self.ground)), 1.0)
+        return min(math.hypot(self.lava, np.nan_to_num(self.ground)), 1.0)
 
     def as_dict(self) -> dict[str, float | None]:
         """Return the parts and the total; None for an unknown part."""
         ground = None if math.isnan(self.ground) else self.ground
-        return {'particles': self.particles, 'ground': ground, 'total': self.total}
+        return {'lava': self.lava, 'ground': ground, 'total': self.total}
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class NumericalError:
         """Return the error of plain data (``as_dict``); before 0.2 of particles."""
         inundated, standing = (
             AreaError(
-                plain[name]['particles'],
+                plain[name]['lava'],
                 math.nan if plain[name]['ground'] is None else plain[name]['ground'],
             )
             for name in Areas._fields
@@ -168,7 +168,7 @@ class NumericalError:
 
     def _parts(self, area: AreaError) -> list[str]:
         ground = 'unknown' if math.isnan(area.ground) else _percent(area.ground)
-        part = _percent(area.particles)
+        part = _percent(area.lava)
         if self.method == 'cells':
             return [
                 f'cells of lava of {self.spacing:g} m {part}',
@@ -180,7 +180,7 @@ class NumericalError:
         """Return what limits the accuracy of the inundated area; empty if it is the carriers."""
         area = self.inundated
         finest = area.total - np.nan_to_num(area.ground)
-        if not area.ground > area.particles:
+        if not area.ground > area.lava:
             return ''
         finer = 'cells of lava' if self.method == 'cells' else 'particles'
         return (
@@ -216,14 +216,14 @@ def error_of(
     pairs: Mapping[str, Pair], *, spacing: float, cell: float, time: float,
     cost: float = math.nan, method: str = 'particles',
 ) -> NumericalError:
-    """Return the error of a run from its pairs by part, ``particles`` and ``ground``.
+    """Return the error of a run from its pairs by part, ``lava`` and ``ground``.
 
     A missing part is unknown. The other arguments are those of ``NumericalError``.
     """
     errors = {name: pair.errors() for name, pair in pairs.items()}
     unknown = Areas(math.nan, math.nan)
-    particles, ground = (errors.get(name, unknown) for name in ('particles', 'ground'))
-    inundated, standing = map(AreaError, particles, ground)
+    lava, ground = (errors.get(name, unknown) for name in ('lava', 'ground'))
+    inundated, standing = map(AreaError, lava, ground)
     return NumericalError(inundated, standing, spacing, cell, time, cost, method)
 
 

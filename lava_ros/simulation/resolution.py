@@ -24,6 +24,7 @@ from lava_ros.simulation.accuracy import (
     MAX_PARTICLES_PER_SECOND,
     MIN_THICKNESS,
 )
+from lava_ros.simulation.cells.cell_size import cell_size
 from lava_ros.simulation.flow_kind import FlowKind, kind_of
 from lava_ros.simulation.setup.course import course_of
 
@@ -194,9 +195,13 @@ def resolution_of(
 
     Args:
         scene: The scene.
-        accuracy: Its accuracy; a spacing or thickness that it states is kept.
+        accuracy: Its accuracy; a spacing or thickness that it states is kept. Cells have the size
+            that is nearest to the spacing.
         forced: Effects that a user has switched on or off, by name.
         horizon: Time after which emitted lava does not count [s].
+
+    Raises:
+        LavaError: If the spacing is too small for cells of the terrain.
     """
     effects = estimated_effects(scene, accuracy, forced, horizon=horizon)
     mobility = math.inf if accuracy.mobility_limit is None else accuracy.mobility_limit
@@ -231,12 +236,14 @@ def resolution_of(
             accuracy.method,
         )
 
-    if accuracy.spacing is not None:
-        return known(accuracy.spacing, 'given')
     if accuracy.method == 'cells':
         # the cells of the terrain, halved from a refinement of 1.4, doubled below 0.7
         halvings = math.floor(math.log2(accuracy.refinement) + 0.52)
-        return known(cell * 0.5**halvings, 'cells')
+        with naming_the_cause(scene, accuracy):
+            size = cell_size(scene.terrain, accuracy.spacing or cell * 0.5**halvings)
+        return known(size, 'cells' if accuracy.spacing is None else 'given')
+    if accuracy.spacing is not None:
+        return known(accuracy.spacing, 'given')
     if math.isnan(width) and not flows:
         return known(cell / accuracy.refinement, 'cells')
     # emplaced lava has a known thickness but no known width
@@ -305,7 +312,8 @@ def resolved_accuracy(
 ) -> Accuracy:
     """Return the accuracy with spacing, thickness and longest step filled in for a scene.
 
-    ``forced`` are the effects that a user has switched on or off, by name.
+    The spacing of cells becomes their size. ``forced`` are the effects that a user has switched on
+    or off, by name.
 
     Raises:
         LavaError: If they are out of range; it names what has led to them.
@@ -314,6 +322,8 @@ def resolved_accuracy(
         found = resolution_of(scene, accuracy, forced, horizon=horizon)
         with naming_the_cause(scene, accuracy):
             accuracy = replace(accuracy, spacing=found.spacing, thickness=found.thickness)
+    elif accuracy.method == 'cells':
+        accuracy = replace(accuracy, spacing=cell_size(scene.terrain, accuracy.spacing))
     if accuracy.longest_step is None:
         assert accuracy.thickness is not None
         effects = estimated_effects(scene, accuracy, forced, horizon=horizon)

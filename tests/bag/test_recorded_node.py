@@ -274,9 +274,13 @@ def test_bag_with_a_malformed_description_is_read_by_its_namespace(
     assert Recording(path).frame_at().time == 600.0
 
 
-def test_bags_of_earlier_versions_are_read() -> None:
-    path = Path(__file__).parents[2] / 'bags' / 'sample'
-    assert 'topics' not in BagReader(path).custom_data
+def test_bags_of_earlier_versions_are_read(tmp_path: Path) -> None:
+    sample = Path(__file__).parents[2] / 'bags' / 'sample'
+    data = dict(BagReader(sample).custom_data)
+    # version 0.1.0 had no description of the topics
+    del data['topics'], data['node']
+    path = changed(sample, tmp_path / 'bag', lambda _, message: message, data)
     frames = list(Recording(path).frames())
-    assert len(frames) == 20 and frames[-1].time == 43200.0
+    times = [frame.time for frame in Recording(sample).frames()]
+    assert [frame.time for frame in frames] == times and times[-1] == 43200.0
     assert frames[-1].layers.keys() == {'thickness', 'temperature', 'hazard'}

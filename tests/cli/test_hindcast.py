@@ -69,7 +69,7 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     for code, name in ((HIT, 'hits'), (MISS, 'misses'), (FALSE_ALARM, 'false_alarms')):
         assert (codes == code).sum() == score[name]
     np.testing.assert_array_equal((codes == HIT) | (codes == MISS), footprint() > 0.0)
-    assert grids['thickness'].sum() * CELL**2 == pytest.approx(score['volume_m3'], rel=1e-5)
+    assert grids['thickness'].sum() * CELL**2 == pytest.approx(score['volume_on_map_m3'], rel=1e-5)
     assert grids['temperature'].max() < 1100.0
 
     # the page has the score and the sources of constants, and escapes markup
@@ -193,7 +193,8 @@ def test_hindcast_replicates_give_a_spread_and_a_majority(valley, tmp_path):
     with rasterio.open(tmp_path / 'out/runs.tif') as file:
         percent = file.read(1)
     assert set(np.unique(percent)) <= {0.0, 50.0, 100.0}
-    assert (percent >= 50.0).sum() * CELL**2 == pytest.approx(runs['majority']['area_m2'])
+    area = (percent >= 50.0).sum() * CELL**2
+    assert area == pytest.approx(runs['majority']['inundated_area_m2'])
     page = (tmp_path / 'out/hindcast.html').read_text()
     assert f'{runs["majority"]["jaccard"]:.3f} (where at least half' in page
     assert not (tmp_path / 'out/replicates').exists()
@@ -266,8 +267,8 @@ def test_calibration_reports_near_best_sets(valley, tmp_path):
     output = refused(*words, '4')
     assert '--directions' in output and '2 as in' in output
     for more, named in (
-        (['--spacing', '50'], '--spacing is 50.0'), (['--preset', 'fine'], "--preset is 'fine'"),
-        (['--low-pass', '30'], '--low-pass is 30.0'), ([], 'The case valley has changed'),
+        (['--spacing', '50'], '--spacing is 50'), (['--preset', 'fine'], "--preset is 'fine'"),
+        (['--low-pass', '30'], '--low-pass is 30'), ([], 'The case valley has changed'),
     ):
         if not more:
             (valley[1] / 'case.yaml').write_text(LAVA.replace('200', '300'))

@@ -41,9 +41,9 @@ def bag(tmp_path):
 
 
 def info(path: Path) -> tuple[list[str], dict[str, Any]]:
-    """Return the lines and the JSON that `lava bag info` prints about a bag."""
-    plain = json.loads(done('bag info', path, '--json', '-'))
-    return done('bag info', path).splitlines(), plain
+    """Return the lines and the JSON that `lava bag info` prints about a bag, finished or not."""
+    plain = json.loads(done('bag info', path, '--incomplete', '--json', '-'))
+    return done('bag info', path, '--incomplete').splitlines(), plain
 
 
 def test_info_lists_the_contents_of_a_bag(bag):
@@ -61,7 +61,7 @@ def test_info_as_json(bag, tmp_path):
     data = json.loads((tmp_path / 'info.json').read_text())
     assert data['scene'] == SCENE
     assert data['topics'][0]['qos']['durability'] == 'transient_local'
-    assert (data['message_count'], data['recovered'], data['duration_s']) == (3, False, 2.0)
+    assert (data['message_count'], data['finished'], data['duration_s']) == (3, True, 2.0)
     assert info(bag)[1] == data
     refused('bag', 'info', bag, '--json', tmp_path / 'gone' / 'info.json')
 
@@ -70,7 +70,10 @@ def test_truncated_bag_is_described_and_recovered(bag, tmp_path):
     path = bag / 'bag_0.mcap'
     path.write_bytes(path.read_bytes()[:-50])
     (bag / 'metadata.yaml').unlink()
-    assert 'cut off' in done('bag', 'info', bag)
+    for options, expected in (((), 1), (('--incomplete',), 0)):
+        status, out, error = lava('bag', 'info', bag, *options)
+        assert status == expected and 'recording  cut off' in out
+        assert f'{bag} was cut off' in error and 'lava bag recover' in error
     assert '3 messages' in done('bag', 'recover', bag, '-o', tmp_path / 'whole')
     assert not BagReader(tmp_path / 'whole').recovered
     assert 'choose another name' in refused('bag', 'recover', bag, '-o', tmp_path / 'whole')

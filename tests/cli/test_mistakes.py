@@ -88,7 +88,7 @@ LINES = {
         'plan scene.yaml --within 10 minutes', "argument 'minutes'", 'put quotes around'),
     'unknown unit': ('plan scene.yaml --within 10mins', "--within is '10mins'", 'min, h, d: 6h'),
     'negative time': ('map BAG -o a.png --at -1h', "--at is '-1h'", 'at least 0', 'unit: 6h'),
-    'time beyond the bag': ('map BAG -o a.png --at 5d', "--at is '5d'", '0 to 43200 s'),
+    'time beyond the bag': ('map BAG -o a.png --at 5d', "--at is '5d'", 'to 43200 s'),
     'no time at all': ('plan scene.yaml --within 0', "--within is '0'", 'above 0'),
     'number as a word': (
         'run scene.yaml -o out --members ten', "--members is 'ten'", 'a whole number'),
@@ -100,7 +100,7 @@ LINES = {
     'decimal comma': (
         'effects scene.yaml --effusion-rate 18,5', "--effusion-rate is '18,5'", 'point: 18.5'),
     'negative rate by its other name': (
-        'effects scene.yaml --discharge -5', '--effusion-rate is -5.0', 'at least 0 m3/s'),
+        'effects scene.yaml --discharge -5', '--effusion-rate is -5', 'at least 0 m3/s'),
     'number with a unit': (
         'export BAG -o out --threshold 10cm', "--threshold is '10cm'", 'without a unit'),
     'latitude first': (
@@ -175,7 +175,7 @@ EDITS = {
         'two numbers [x, y] m'),
     'northing first': (
         'scene.yaml', '365300.0, 7650400.0', '7650400.0, 365300.0',
-        'vents[0].projected is (7650400.0, 365300.0)', 'easting and northing are swapped'),
+        'vents[0].projected is (7650400, 365300)', 'easting and northing are swapped'),
     'mistyped elevation file': (
         'scene.yaml', 'ground.npz', 'grond.npz', "terrain file is 'grond.npz'", 'ground.npz?'),
     'tab': (
@@ -188,7 +188,7 @@ EDITS = {
         'did you mean etna_basalt?'),
     'time that goes back': (
         'scene.yaml', '8.0', '[[0, 8.0], [3600, 9.0], [1800, 0.0]]',
-        'effusion_rate[2][0] is 1800.0', 'a time after 3600 s'),
+        'effusion_rate[2][0] is 1800', 'a time after 3600 s'),
     'oxide that does not exist': (
         'scene.yaml', 'material: etna_basalt', 'composition: {SiO: 50.4}',
         'composition.SiO: unknown key', 'did you mean SiO2?'),
@@ -206,7 +206,7 @@ EDITS = {
     'table without names of columns': (
         'vents.csv', 'x,y,q\n', '', 'number of lines in vents.csv is 1', 'names of columns'),
     'negative rate in a table': (
-        'vents.csv', ',9', ',-9', 'vents.csv, line 2, q is -9.0', 'at least 0 m3/s'),
+        'vents.csv', ',9', ',-9', 'vents.csv, line 2, q is -9', 'at least 0 m3/s'),
     'word in a table': (
         'vents.csv', ',9', ',nine', "vents.csv, line 2, q is 'nine'", 'a finite number'),
     'row that is too short': (
@@ -255,6 +255,42 @@ def test_error_of_a_file_names_field_value_and_remedy(mistake, folder):
     path.write_text(path.read_text().replace(before, after, 1) if before else after)
     error = error_of(f'effects scene.yaml {READ.get(name, "")}')
     assert all(part in error for part in parts), error
+
+
+#: Places of a number in inputs: the file, the replaced text and its replacement, the options, and
+#: the field in errors.
+NUMBERS = {
+    'option': ('', '', '', '--effusion-rate NUMBER', '--effusion-rate'),
+    'option that is checked with the ground': (
+        '', '', '', '--vent 365300,7650400 --spacing NUMBER', '--spacing'),
+    'key': ('scene.yaml', '8.0', 'NUMBER', '', 'vents[0].effusion_rate'),
+    'item of a series': (
+        'scene.yaml', '8.0', '[[0, 1], [9, NUMBER]]', '', 'vents[0].effusion_rate[1][1]'),
+    'time of a series': (
+        'scene.yaml', '8.0', '[[0, 1], [NUMBER, 2]]', '', 'vents[0].effusion_rate[1][0]'),
+    'constant': (
+        'scene.yaml', 'material: etna_basalt', 'viscosity: NUMBER', '', 'lava.viscosity'),
+    'rate of vents': ('vents.csv', ',9', ',NUMBER', '--vents vents.csv', 'vents.csv, line 2, q'),
+    'rate in a table': (
+        'rates.csv', ';40', ';NUMBER', '--effusion-rate rates.csv', 'rates.csv, line 3, TADR'),
+    'value in another unit': (
+        'vents.csv', 'x,y,q\n365300,7650400,9', 'x,y,q,width_km\n365300,7650400,9,NUMBER',
+        '--vents vents.csv', 'vents.csv, line 2, width_km'),
+}
+
+
+@pytest.mark.parametrize('number', ['-5', '-5.0', '-5e0', '-0.050'])
+@pytest.mark.parametrize('place', NUMBERS)
+def test_error_shows_a_number_as_it_was_typed(place, number, folder):
+    name, before, after, options, field = (
+        part.replace('NUMBER', number) for part in NUMBERS[place]
+    )
+    if name:
+        text = Path(name).read_text()
+        assert before in text
+        Path(name).write_text(text.replace(before, after, 1))
+    error = error_of(f'run scene.yaml {options}')
+    assert f'{field} is {number}, expected ' in error
 
 
 @pytest.mark.parametrize('command', COMMANDS)

@@ -28,6 +28,7 @@ from lava_ros.cli.options import device_named
 from lava_ros.layers.numbers import area_words, duration
 from lava_ros.layers.recording import Recording
 from lava_ros.simulation.carriers import across_key, count_key, COUNTED, max_count_key, METHODS
+from lava_ros.simulation.output.budget import VOLUMES
 from lava_ros.watch.frames import BagFrames
 
 ROOT = Path(__file__).parents[2]
@@ -97,6 +98,12 @@ def maps(folder):
     return folder / 'maps'
 
 
+def is_label(label, key):
+    """Return True if a label has the words of a key, without its unit, in the same order."""
+    words = iter(re.split('[ -]', label))
+    return all(word in words for word in re.sub('_m[23]$', '', key).split('_'))
+
+
 def test_every_output_has_the_same_area_and_volumes(folder, result, maps, tmp_path):
     run, area = folder / 'run', result['inundated_area_m2']
     said = (folder / 'said.txt').read_text()
@@ -115,8 +122,18 @@ def test_every_output_has_the_same_area_and_volumes(folder, result, maps, tmp_pa
     assert values['flow_kind'] == result['flow_kind']
     done('map', run, '-o', tmp_path / 'page.html')
     page = html.unescape((tmp_path / 'page.html').read_text())
-    in_sea = f'{result["volume_in_sea_m3"]:,.1f} m'
-    assert result['volume_left_m3'] == result['volume_in_sea_m3'] > 100.0
+    in_sea = f'{result["volume_lost_in_sea_m3"]:,.1f} m'
+    assert result['volume_lost_in_sea_m3'] > 100.0
+    assert result['volume_lost_over_border_m3'] == result['volume_lost_in_no_data_m3'] == 0.0
+    # each label has the words of a key
+    labels = [
+        line[:32].strip() for line in said.splitlines()
+        if line.startswith(('volume ', 'inundated area ', 'standing area '))
+    ]
+    assert len(labels) == len(VOLUMES) + 2
+    for label in labels:
+        assert any(is_label(label, key) for key in ('inundated_area_m2', *values)), label
+    assert tags['inundation_threshold_m'] == values['inundation_threshold_m']
     for text in (said, page):
         assert area_words(area) in text and in_sea in text
         assert result['numerical_error_text'].partition(' (')[0] in text

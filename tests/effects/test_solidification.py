@@ -176,7 +176,7 @@ def test_new_terrain_keeps_solidified_lava(device):
 
     simulation.set_terrain(Terrain(np.zeros((50, 30)), 10.0))
     budget = simulation.budget()
-    assert budget.left == budget.over_border == pytest.approx(60000.0, rel=0.05)
+    assert budget.left == budget.lost_over_border == pytest.approx(60000.0, rel=0.05)
 
     holed = np.zeros((50, 30))
     holed[:, 15:] = np.nan
@@ -184,4 +184,4 @@ def test_new_terrain_keeps_solidified_lava(device):
     after = simulation.budget()
     assert after.in_holes == pytest.approx(budget.frozen - after.frozen)
     assert after.in_holes > 0.9 * budget.frozen
-    assert after.over_border == budget.over_border
+    assert after.lost_over_border == budget.lost_over_border

@@ -118,7 +118,7 @@ WRONG_ARRAYS: dict[str, tuple[str, Any, str]] = {
     'two numbers of a pair': ('pair', np.zeros(2), r'is .*\(4,\)'),
     'no number of a pair': ('pair', np.array([0.1, 0.0, np.nan, 0.1]), 'is nan'),
     'no fraction': ('left', np.array([np.nan]), 'is nan'),
-    'a fraction of 7': ('left', np.array([7.0]), 'is 7.0'),
+    'a fraction of 7': ('left', np.array([7.0]), 'is 7'),
 }
 
 DAMAGES: dict[str, Callable[[Path], object]] = {

@@ -63,8 +63,8 @@ def test_particles_part_is_the_difference_from_its_partner(
     found = measure_error(SMOOTH, areas, END, **{**options(device), 'accuracy': accuracy})
     partner = run(SMOOTH, replace(accuracy, **other), device)
     expected = Pair(areas, partner, reduction).errors()
-    assert found.inundated.particles == expected.inundated > 0.0
-    assert found.standing.particles == expected.standing > 0.0
+    assert found.inundated.lava == expected.inundated > 0.0
+    assert found.standing.lava == expected.standing > 0.0
     # the coarser ground of a plane is the same plane but for rounding
     assert found.inundated.ground < 0.01
     assert (found.spacing, found.cell, found.time) == (4.0, 5.0, END) and found.cost > 0.0

@@ -92,10 +92,10 @@ def test_plan_uses_its_time_and_states_both_parts_of_its_error(monkeypatch, with
     assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.1)
     area, standing = plan.numerical_error.inundated, plan.numerical_error.standing
     actual = PARTICLES * plan.refinement**-PARTICLE_ORDER
-    assert area.particles == pytest.approx(actual, rel=0.02)
+    assert area.lava == pytest.approx(actual, rel=0.02)
     assert area.ground == pytest.approx(GROUND, rel=0.02)
     half = 0.5 * PARTICLES * plan.refinement**-PARTICLE_ORDER
-    assert standing.particles == pytest.approx(half, rel=0.02) and standing.ground == 0.0
+    assert standing.lava == pytest.approx(half, rel=0.02) and standing.ground == 0.0
     assert plan.error == area.total
     assert plan.spacing == pilot_runs.spacing_at(SCENE, plan.refinement, 3600.0)
     assert (plan.members, plan.sampling_error) == (1, 0.0)
@@ -135,7 +135,7 @@ def test_plan_is_no_finer_than_the_ground_makes_useful(monkeypatch):
     plan = _plan(spent, 1000.0)
     assert plan.is_finest and plan.preset == 'fine'
     area = plan.numerical_error.inundated
-    assert area.particles == pytest.approx(USEFUL * area.ground, rel=0.02)
+    assert area.lava == pytest.approx(USEFUL * area.ground, rel=0.02)
     assert 'finer particles change the error by less than' in plan.numerical_error.text()
     # neither are its pilots
     assert spent[0] < 0.04 * 1000.0
@@ -151,7 +151,7 @@ def test_options_show_the_error_and_the_time_of_other_spacings(monkeypatch):
     for item in plan.options:
         assert item.wall_time == pytest.approx(_wall_time(item.refinement), rel=0.15)
         actual = PARTICLES * item.refinement**-PARTICLE_ORDER
-        assert item.error.inundated.particles == pytest.approx(1.0 - np.exp(-actual), rel=0.02)
+        assert item.error.inundated.lava == pytest.approx(1.0 - np.exp(-actual), rel=0.02)
         assert item.error.inundated.ground == plan.numerical_error.inundated.ground
 
 

@@ -88,11 +88,11 @@ def test_particles_make_the_wanted_part_of_the_error(monkeypatch, ground, on_cel
         area, target = found.error.inundated, PRESETS[preset].target
         wanted = target * max(area.ground, ENOUGH)
         assert area.ground == pytest.approx(1.0 - np.exp(-ground), abs=0.01)
-        assert area.particles == pytest.approx(wanted, rel=0.1)
+        assert area.lava == pytest.approx(wanted, rel=0.1)
         assert found.spacing < before
         before = found.spacing
         words = 'finer particles change the error by less than'
-        assert (words in found.text()) == (area.ground > area.particles)
+        assert (words in found.text()) == (area.ground > area.lava)
 
 
 def test_spacing_has_limits(monkeypatch):

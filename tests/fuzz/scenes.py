@@ -17,7 +17,7 @@ from lava_ros.scene import MAX_VENT_VISCOSITY, Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.simulation.accuracy import Accuracy, expected_thickness
 from lava_ros.simulation.carriers import METHODS
-from lava_ros.simulation.cells.grid import MAX_CELLS
+from lava_ros.simulation.cells.cell_size import MAX_CELLS
 from lava_ros.simulation.presets import preset_accuracy
 
 #: Effects that are compiled for every test run.

@@ -352,4 +352,4 @@ def _whole(moment: Moment, snapshot: Snapshot) -> Iterator[Bound]:
     bad = {name: int((~np.isfinite(array)).sum()) for name, array in values.items()}
     yield 'finite', sum(bad.values()), 0.0, ', '.join(name for name in bad if bad[name])
     yield 'volume', budget.error, VOLUME, ''
-    yield 'vents', budget.late, 0.0, 'm3 that wait in them'
+    yield 'vents', budget.overdue, 0.0, 'm3 that wait in them'

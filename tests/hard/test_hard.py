@@ -140,7 +140,7 @@ def test_watch_detects_an_invalid_cell(name, row, value, invariant):
 def test_watch_detects_vents_with_overdue_lava():
     simulation = _film()
     shown = simulation.snapshot()
-    late = replace(shown, budget=replace(shown.budget, late=1.0))
+    late = replace(shown, budget=replace(shown.budget, overdue=1.0))
     with pytest.raises(InvariantError, match='vents .* that wait in them'):
         Watch(simulation).check(late)
 

@@ -408,6 +408,6 @@ def test_numerical_error_of_a_run_is_measured_on_its_own_cells(valley, tmp_path)
     coarse, fine = found
     assert coarse.cell == 2.0 * valley.scene.terrain.resolution
     assert (coarse.spacing, coarse.time) == (40.0, valley.duration)
-    assert 0.0 < fine.inundated.particles < coarse.inundated.particles < 1.0
+    assert 0.0 < fine.inundated.lava < coarse.inundated.lava < 1.0
     # larger cells lower a parabolic valley evenly
     assert fine.inundated.ground == fine.standing.ground == 0.0

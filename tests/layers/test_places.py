@@ -134,7 +134,7 @@ def test_places_off_the_map_have_no_arrival(found: Places, off_map: float) -> No
     assert row.is_known is (off_map < 1.0)
     assert (row.probability is None) is (off_map == 1.0)
     assert ('off the map' in row.map_words()) is (off_map > 0.0)
-    texts = ArrivalTable((row,), {'threshold_m': 0.1}, is_ensemble=False).as_texts()[1]
+    texts = ArrivalTable((row,), {'inundation_threshold_m': 0.1}, is_ensemble=False).as_texts()[1]
     assert ('not reached' in texts) is (off_map < 1.0)
 
 

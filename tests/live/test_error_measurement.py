@@ -136,7 +136,7 @@ def test_error_at_the_end_is_that_of_partner_runs(bench, method):
     assert name == 'measure' and request.pop('share') == 1.0
     expected = measure_error(**request)
     assert error.as_dict() == expected.as_dict() and error.method == method
-    assert 0.0 < error.inundated.particles < 1.0 and error.inundated.ground > 0.0
+    assert 0.0 < error.inundated.lava < 1.0 and error.inundated.ground > 0.0
     assert found.error.text() == f'{error.text()}, at 120 s'
 
 

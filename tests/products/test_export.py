@@ -95,7 +95,8 @@ def test_arrival_and_peak_thickness_are_accumulated(out):
     expected = [200, 200, 400, 400, 600, 600, 800, 800, NODATA, NODATA]
     np.testing.assert_array_equal(times[12, :10], expected)
     assert (times[:10] == NODATA).all()
-    assert (tags['threshold_m'], tags['longest_time_between_maps_s']) == ('0.5', '200.0')
+    assert tags['inundation_threshold_m'] == '0.5'
+    assert tags['longest_time_between_maps_s'] == '200.0'
     peak = band(out / 'peak_thickness.tif')
     np.testing.assert_allclose(peak[12, [0, 7, 8]], [3.3, 2.9, NODATA], atol=1e-5)
     assert peak[0, 0] == NODATA
@@ -162,7 +163,7 @@ def test_bag_without_coordinate_system_is_in_the_map_frame(tmp_path):
 
 @pytest.mark.parametrize(('options', 'words'), [
     ({'offset': (1.0, 2.0)}, 'offset is .*as the bag states'),
-    ({'time': 100.0}, 'time is 100.0, expected 200 to 800 s'),
+    ({'time': 100.0}, 'time is 100, expected 200 to 800 s'),
     ({'threshold': 0.01}, 'threshold is 0.01'),
     ({'threshold': float('nan')}, 'threshold is nan'),
     ({'maps': ['depth']}, 'maps'),
@@ -196,7 +197,7 @@ def test_outline_and_isochrones_are_polygons_of_cells(bag, tmp_path):
         for name in ('outline', 'isochrones')
     )
     assert [item['properties'] for item in outline] == [
-        {'shows': 'inundated area', 'threshold_m': 0.1, 'area_m2': 80 * 25.0}
+        {'shows': 'inundated area', 'inundation_threshold_m': 0.1, 'area_m2': 80 * 25.0}
     ]
     (ring,) = outline[0]['geometry']['coordinates'][0]
     # 15 degrees east is an easting of 500 km in zone 33; the flow is at -50 m to -10 m
@@ -330,7 +331,7 @@ def test_vector_formats_keep_features_and_positions(ending, bag, tmp_path):
     times = {float(item.properties['time_s']) for item in areas if item is not outline}
     assert times == {300.0, 600.0, 900.0}
     # a Shapefile cuts names to 10 letters
-    name = 'threshold_m' if ending not in ('shp', 'zip') else 'threshold_'
+    name = 'inundation_threshold_m' if ending not in ('shp', 'zip') else 'inundation'
     assert {float(item.properties[name]) for item in areas} == {0.1}
     assert float(outline.properties['area_m2']) == 2000.0
     (ring,) = outline.on(TERRAIN).rings
@@ -367,7 +368,7 @@ def test_netcdf_has_all_maps(bag, tmp_path):
             tags = {key: value for key, value in tif.tags().items() if key.islower()}
         shared = {key.partition('#')[2]: value for key, value in shared.items()}
         assert {key: {**shared, **own}[key] for key in tags} == tags
-        assert 'threshold_m' in own or name != 'arrival'
+        assert 'inundation_threshold_m' in own or name != 'arrival'
 
 
 @pytest.mark.parametrize('ending', WRITTEN)

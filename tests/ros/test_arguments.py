@@ -63,7 +63,7 @@ MISTAKES = {
     ('-p', 'scene:='): "-p is 'scene:=', expected NAME:=VALUE; an empty text is written NAME:=",
     ('-p', 'scene:=['): "-p is 'scene:=[', expected NAME:=VALUE",
     ('-p', 'time_scale:=fast'): "time_scale is 'fast', expected a double",
-    ('-p', 'time_scale:=1e9'): 'time_scale is 1000000000.0, expected 0.001 to 1000000',
+    ('-p', 'time_scale:=1e9'): 'time_scale is 1000000000, expected 0.001 to 1000000',
     ('-p', 'max_vents:=-1'): 'max_vents is -1, expected 0 to 100000',
     ('-p', 'autostart:=3'): 'autostart is 3, expected a bool',
     ('-p', 'use_sim_time:=3'): "Trying to set parameter 'use_sim_time' to '3'",

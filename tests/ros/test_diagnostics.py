@@ -122,7 +122,7 @@ LOST = {'held': 5.0, 'left': 5.0, 'in_holes': 4.0}
     ('budget', 'worker', 'expected'),
     [
         # accounted for, but outside the map
-        ({'late': 0.4}, {}, 'behind: 0.4 m3 of lava wait in the vents'),
+        ({'overdue': 0.4}, {}, 'behind: 0.4 m3 of lava is overdue in the vents'),
         (
             LOST,
             {'is_behind': True},
@@ -166,9 +166,10 @@ def test_simulation_values_are_those_of_the_frame():
         'clock_jumps': '0', 'simulated_time_s': '12.5',
         'frame_stamp_ns': '99', 'particles': '3', 'inundated_area_m2': '1.5',
         'inundation_threshold_m': '0.1',
-        'standing_area_m2': '1.0', 'volume_emitted_m3': '10.0', 'volume_held_m3': '10.0',
-        'volume_pending_m3': '0.5', 'volume_late_m3': '0.0', 'volume_left_m3': '0.0',
-        'volume_frozen_m3': '0.0', 'volume_in_holes_m3': '0.0', 'volume_in_sea_m3': '0.0',
+        'standing_area_m2': '1.0', 'volume_emitted_m3': '10.0', 'volume_flowing_m3': '9.5',
+        'volume_waiting_m3': '0.5', 'volume_overdue_m3': '0.0', 'volume_solidified_m3': '0.0',
+        'volume_lost_over_border_m3': '0.0', 'volume_lost_in_no_data_m3': '0.0',
+        'volume_lost_in_sea_m3': '0.0',
         'volume_thin_m3': '0.0',
         'volume_error': '0.000e+00',
         'steps': '40', 'step_s': '0.25', 'step_limit': 'advection', 'step_stages': '1',

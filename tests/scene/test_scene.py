@@ -173,7 +173,7 @@ def test_detects_celsius_instead_of_kelvin(tmp_path, caplog):
 
 def test_error_about_a_projected_vent_has_projected_coordinates(tmp_path):
     text = 'vents: [{projected: [900, 2050], discharge: 3}]'
-    sentence = r'projected is \(900.0, 2050.0\).*easting 1000 to 1200 m and northing 2000 to 2100'
+    sentence = r'projected is \(900, 2050\).*easting 1000 to 1200 m and northing 2000 to 2100'
     with pytest.raises(LavaError, match=sentence):
         scene_from_yaml(scene_file(tmp_path, text))
     data = [{'position': [5, 5], 'projected': [5, 5], 'discharge': 1}]

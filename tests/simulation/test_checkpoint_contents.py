@@ -3,9 +3,10 @@
 
 """Checkpoints with a valid checksum that no simulation has written."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from dataclasses import asdict, replace
+import math
 import re
 from typing import Any
 
@@ -119,6 +120,90 @@ def test_refuses_columns_that_no_simulation_has(name, edit, device):
     changed = with_array(checkpoint_of('cells', device), name, edit)
     with pytest.raises(LavaError, match=name):
         Simulation.resume(changed, device=device)
+
+
+def spoiled(values: np.ndarray, number: float) -> Iterator[np.ndarray]:
+    """Yield an array filled with a number, and arrays with the number in one of a few items.
+
+    Integers that have no such number get the largest or the smallest of their type.
+    """
+    if values.dtype.kind == 'i':
+        limits = np.iinfo(values.dtype)
+        number = int(min(max(np.nan_to_num(number), limits.min), limits.max))
+    yield np.full_like(values, number)
+    for index in range(values.size) if values.size <= 12 else (values.size // 2,):
+        changed = values.copy()
+        changed.flat[index] = number
+        yield changed
+
+
+OTHER_TYPES = {
+    'float32': 'float64', 'float64': 'float32', 'int32': 'float64', 'int64': 'int32'
+}
+
+#: Wrong values of every array: numbers, and functions that change its shape or type.
+SPOILED = {
+    'not a number': math.nan, 'infinite': math.inf, 'negative': -1.0, 'huge': 1e30,
+    'huge and negative': -1e30,
+    'one more': lambda values: np.append(values, values.flat[:1]),
+    'one less': lambda values: values[:-1],
+    'one more axis': lambda values: values[None],
+    'of another type': lambda values: values.astype(OTHER_TYPES[str(values.dtype)]),
+}
+
+#: Methods, effects with arrays of their own, and constants that these need.
+RUNS = {
+    'particles': ('particles', {'solidification': True, 'inertia': True}, {}),
+    'particles with merging': (
+        'particles', {'merging': True, 'conduction': True},
+        {'conductivity': 1.0, 'ground_conductivity': 1.0},
+    ),
+    'cells': ('cells', {'solidification': True}, {'yield_strength': 100.0}),
+}
+
+#: Sums and times that an array has to agree with, and arrays by which cells are checked.
+TOGETHER = 'volume|time|cells.peaks|state.remainder'
+
+
+@pytest.mark.spoils_volume
+@pytest.mark.parametrize('wrong', SPOILED)
+@pytest.mark.parametrize('run', RUNS)
+def test_spoiled_arrays_are_refused_or_harmless(run, wrong, device):
+    whole = spoiled_run(run, device)
+    for name, values in whole.arrays.items():
+        change = SPOILED[wrong]
+        for changed in [change(values)] if callable(change) else spoiled(values, change):
+            if changed.shape == values.shape and np.array_equal(changed, values):
+                continue
+            try:
+                simulation = Simulation.resume(
+                    with_array(whole, name, lambda _, new=changed: new), device=device
+                )
+            except LavaError as error:
+                assert re.match(f'checkpoint[.]({name}|{TOGETHER})', str(error)), name
+                continue
+            assert changed.shape[1:] == values.shape[1:], name
+            simulation.advance(whole.time + 10.0)
+            assert simulation.snapshot().flaw() == '', name
+
+
+def spoiled_run(run: str, device: str) -> Checkpoint:
+    """Return a checkpoint of ``RUNS``, with two vents."""
+    key = f'{run} of RUNS on {device}'
+    if key not in _checkpoints:
+        method, effects, constants = RUNS[run]
+        lava = Lava.paper(viscosity=1e4, solidus=1300.0, **constants)
+        vents = (
+            Vent((100.0, 200.0), 5.0, temperature=1360.0),
+            Vent((200.0, 200.0), 5.0, temperature=1360.0),
+        )
+        simulation = Simulation(
+            Scene(SLOPE, vents, lava), effects=effects, accuracy=Accuracy(method=method),
+            device=device,
+        )
+        simulation.advance(600.0)
+        _checkpoints[key] = simulation.checkpoint()
+    return _checkpoints[key]
 
 
 @pytest.mark.parametrize('axis', [0, 1])

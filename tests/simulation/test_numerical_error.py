@@ -69,23 +69,23 @@ def test_error_of_pairs_is_extrapolated_and_has_parts():
     run, coarse = Areas(first(100), first(50)), Areas(first(125), first(80))
     bumpy = Areas(first(125), first(100))
     pairs = {
-        'particles': Pair(run, coarse, richardson(2.5, PARTICLE_ORDER)),
+        'lava': Pair(run, coarse, richardson(2.5, PARTICLE_ORDER)),
         'ground': Pair(coarse, bumpy, richardson(2.0, GROUND_ORDER)),
     }
     found = error_of(pairs, spacing=3.0, cell=10.0, time=60.0)
     power = 1.0 / (2.5**PARTICLE_ORDER - 1.0)
-    assert found.inundated.particles == pytest.approx(1.0 - 0.8**power)
+    assert found.inundated.lava == pytest.approx(1.0 - 0.8**power)
     assert found.inundated.ground == 0.0
-    assert found.standing.particles == pytest.approx(1.0 - 0.625**power)
+    assert found.standing.lava == pytest.approx(1.0 - 0.625**power)
     assert found.standing.ground == pytest.approx(1.0 - 0.8 ** (1.0 / 3.0))
     assert found.standing.total == pytest.approx(
-        math.hypot(found.standing.particles, found.standing.ground)
+        math.hypot(found.standing.lava, found.standing.ground)
     )
     # cells twice as large as the spacing make as large an error as the particles
-    both = {'particles': Pair(run, coarse, between_methods(6.0, 3.0))}
+    both = {'lava': Pair(run, coarse, between_methods(6.0, 3.0))}
     found = error_of(both, spacing=3.0, cell=10.0, time=60.0)
-    assert found.inundated.particles == pytest.approx(1.0 - math.sqrt(0.8))
-    assert found.inundated.total == found.inundated.particles
+    assert found.inundated.lava == pytest.approx(1.0 - math.sqrt(0.8))
+    assert found.inundated.total == found.inundated.lava
     assert math.isnan(found.inundated.ground)
 
 

@@ -98,7 +98,7 @@ def test_map_has_the_volume_of_particles_and_deposit(device, scene, preset):
     budget = snapshot.budget
     assert snapshot.flaw() == ''
     assert (budget.in_holes > 0.0) == (scene == 'holes')
-    assert (budget.over_border > 0.0) == (scene == 'border')
+    assert (budget.lost_over_border > 0.0) == (scene == 'border')
     assert (budget.frozen > 0.0) == (scene == 'freezing')
     volume = np.nansum(snapshot.thickness, dtype=np.float64) * terrain.resolution**2
     held = budget.held - budget.pending + budget.frozen

@@ -5,6 +5,7 @@
 
 from dataclasses import replace
 import math
+import re
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.budget import volume_key, VolumeBudget, VOLUMES
 from lava_ros.simulation.output.diagnostics import gather_numbers, moment_of
 from lava_ros.simulation.output.inundation import reached_cells
 from lava_ros.simulation.output.snapshot import Particles, rows_of, Snapshot, StepReport
@@ -46,14 +47,16 @@ def valley():
 
 
 def test_parts_of_the_budget_add_up_to_the_emitted_volume():
-    budget = VolumeBudget(100.0, 40.0, 10.0, 25.0, frozen=35.0, late=8.0, in_holes=20.0)
+    budget = VolumeBudget(
+        100.0, 40.0, 10.0, 25.0, frozen=35.0, overdue=8.0, in_holes=18.0, in_sea=2.0
+    )
     rows = {name: value.removesuffix(' m3') for name, value in budget.rows()}
     assert rows == {
         'emitted': '100', 'flowing': '30', 'solidified': '35', 'lost over the border': '5',
-        'lost in no-data cells': '20', 'waiting in the vents': '10', 'overdue in the vents': '8',
-        'unaccounted for': 'below 1e-15',
+        'lost in no-data cells': '18', 'lost in the sea': '2', 'waiting in the vents': '10',
+        'overdue in the vents': '8', 'error': 'below 1e-15 of the emitted volume',
     }
-    parts = [float(rows[name]) for name in list(rows)[1:6]]
+    parts = [float(rows[name]) for name in list(rows)[1:7]]
     assert sum(parts) == 100.0
     # a flow in the laboratory
     assert VolumeBudget(8.17e-4, 8.17e-4, 0.0, 0.0).rows()[1] == ('flowing', '0.000817 m3')
@@ -72,7 +75,7 @@ def test_text_names_lost_and_solidified_lava():
     [
         (SWALLOWED, '94.3 % of the lava was lost in no-data cells'),
         (VolumeBudget(100.0, 99.0, 2.0, 1.0), '1 % of the lava was lost over the border'),
-        (VolumeBudget(100.0, 100.0, 2.0, 0.0, late=1.5), 'behind: 1.5 m3 of lava wait'),
+        (VolumeBudget(100.0, 100.0, 2.0, 0.0, overdue=1.5), 'behind: 1.5 m3 of lava is overdue'),
         (VolumeBudget(100.0, 100.0, 2.0, 0.0, thin=20.0), '20 % of the lava is on ground that it'),
         (VolumeBudget(100.0, 99.0, 2.0, 0.0), 'volume is not conserved: 1.0e-02'),
         (VolumeBudget(100.0, math.nan, 2.0, 0.0), 'volume is not conserved: nan'),
@@ -98,11 +101,21 @@ def test_budget_of_a_snapshot_has_lava_that_does_not_inundate(viscosity, is_thin
 
 
 def test_budget_is_unchanged_by_diagnostics():
-    assert VolumeBudget.from_texts(SWALLOWED.texts()) == SWALLOWED
-    old = {f'volume_{name}_m3': '1.0' for name in ('emitted', 'held', 'left')}
-    assert VolumeBudget.from_texts(old) == VolumeBudget(1.0, 1.0, 0.0, 1.0)
-    assert VolumeBudget.from_texts({**old, 'volume_held_m3': 'much'}) is None
-    assert VolumeBudget.from_texts({}) is None
+    budget = replace(SWALLOWED, held=18_000.0, frozen=398.0, overdue=0.25, in_sea=64.0, thin=5.0)
+    texts = budget.texts()
+    assert VolumeBudget.from_texts(texts) == budget
+    for name in VOLUMES:
+        key = volume_key(name)
+        assert VolumeBudget.from_texts({**texts, key: 'much'}) is None
+        del (others := dict(texts))[key]
+        assert VolumeBudget.from_texts(others) is None
+
+
+def test_label_of_a_volume_has_the_words_of_its_key():
+    for name, (label, _) in VOLUMES.items():
+        words = iter(re.split('[ -]', label))
+        # in the same order: the iterator is consumed
+        assert all(word in words for word in name.split('_')), (name, label)
 
 
 def flow(device):
@@ -259,8 +272,8 @@ def test_ground_without_data_and_dry_cells_are_no_flaws():
     ('broken', 'words'),
     [
         (lambda: replace(snapshot(), time=np.nan), 'time nan s'),
-        (lambda: replace(snapshot(), budget=VolumeBudget(1.0, np.nan, 0.0, 0.0)), 'held=nan'),
-        (lambda: replace(snapshot(), budget=VolumeBudget(1.0, 1.0, 0.0, np.inf)), 'left=inf'),
+        (lambda: replace(snapshot(), budget=VolumeBudget(1.0, np.nan, 0.0, 0.0)), 'flowing=nan'),
+        (lambda: replace(snapshot(), budget=VolumeBudget(1.0, 1.0, 0.0, np.inf)), 'border=inf'),
         (lambda: snapshot(thickness=np.nan), 'thickness is not a number of metres in 1 cell'),
         (lambda: snapshot(thickness=np.inf), 'thickness'),
         (lambda: snapshot(thickness=-0.1), 'thickness'),

@@ -92,7 +92,7 @@ def charts_of(recording: Recording, summary: RunSummary) -> list[Chart]:
         _scaled('volume', 'Volume', 'm³', volumes),
         _scaled('area', 'Area', 'm²', [
             *([Curve('inundated', summary.times, summary.inundated)] if is_known else []),
-            Curve('standing lava', summary.times, summary.standing),
+            Curve('standing', summary.times, summary.standing),
         ]),
         _scaled(
             'front', 'Distance of the front', 'm',

@@ -67,7 +67,7 @@ def facts(recording: Recording, summary: RunSummary) -> list[tuple[str, str]]:
         *(
             (f'{name}, {summary.frame.threshold:g} m or more', area_words(area))
             for name, area in (
-                ('inundated area', summary.inundated[-1]), ('standing lava', summary.standing[-1])
+                ('inundated area', summary.inundated[-1]), ('standing area', summary.standing[-1])
             )
             if math.isfinite(area)
         ),
@@ -89,7 +89,7 @@ def facts(recording: Recording, summary: RunSummary) -> list[tuple[str, str]]:
         rows.append(('lava', lava.text()))
     speed = last.number('mean_speed')
     if speed > 0.0:
-        rows.append(('speed', f'{float(f"{speed:.3g}"):,g} times real time'))
+        rows.append(('mean speed', f'{float(f"{speed:.3g}"):,g} times real time'))
     return rows
 
 

@@ -8,48 +8,31 @@ import math
 
 import numpy as np
 
-from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
-from lava_ros.scene.terrain import MAX_SIDE_CELLS, RESOLUTION_RANGE
+from lava_ros.simulation.cells import cell_size
 from lava_ros.simulation.particles.terrain import averaged
 from lava_ros.simulation.setup.coarse_ground import halve_ground, subdivide_ground
 
-#: Maximum number of cells of a divided terrain: their arrays take 10 GB.
-MAX_CELLS = 2**26
+#: The doublings that give the grid its cells.
+doublings_of = cell_size.doublings_of
 
 
 @lru_cache(maxsize=2)
 def grid_of(terrain: Terrain, spacing: float) -> Terrain:
     """Return the ground on cells of 2^k times the terrain's size, the nearest to a spacing [m].
 
-    The ground is the B-spline of the terrain, as for particles. Cells are not larger than the
-    terrain allows, which needs two along each side. Members of an ensemble, and their partners on
-    larger cells, share it.
+    The ground is the B-spline of the terrain, as for particles. Members of an ensemble, and their
+    partners on larger cells, share it.
 
     Raises:
         LavaError: If the spacing is too small for the terrain.
     """
     grid, doublings = terrain, doublings_of(terrain, spacing)
-    halvings = math.log2(min(
-        math.sqrt(MAX_CELLS / terrain.elevation.size), MAX_SIDE_CELLS / max(terrain.shape),
-        terrain.resolution / RESOLUTION_RANGE[0],
-    ))
-    if doublings < 0 and -doublings > halvings:
-        least = terrain.resolution * 0.5 ** max(math.floor(halvings), 0)
-        expected = f'at least {least:.4g} m, the smallest cells that the terrain may have'
-        raise LavaError('accuracy.spacing', float(f'{spacing:.4g}'), expected)
     for _ in range(doublings):
-        if min(grid.shape) < 4 or 2.0 * grid.resolution > RESOLUTION_RANGE[1]:
-            break
         grid = halve_ground(grid)
     for _ in range(-doublings):
         grid = subdivide_ground(grid)
     return grid
-
-
-def doublings_of(terrain: Terrain, spacing: float) -> int:
-    """Return the doublings of a terrain's cells to the nearest to a spacing [m], < 0: halvings."""
-    return round(math.log2(spacing / terrain.resolution))
 
 
 @lru_cache(maxsize=2)

@@ -396,6 +396,9 @@ class CellSolver(CellLava):
         for name, array in (('cells.thickness', state.thickness), ('heat.frozen', heat.frozen)):
             if array.numpy().min() < 0.0:
                 raise LavaError(f'checkpoint.{name}', float(array.numpy().min()), 'at least 0 m')
+        box, last = state.box.numpy(), np.repeat(state.thickness.shape, 2) - 1
+        if ((box < 0) | (box > last)).any():
+            raise LavaError('checkpoint.cells.box', box.tolist(), f'from 0 to {last.tolist()}')
         times = take('cells', 'clock', self.clock[_TIMES])
         fluidity, strength, peaks = (
             getattr(state, name).numpy().copy() for name in ('fluidity', 'strength', 'peaks')

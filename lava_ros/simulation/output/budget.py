@@ -4,7 +4,7 @@
 """Volume budget of a simulation, as text for diagnostics and for people."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 import math
 
 #: Maximum fraction of the emitted volume that may be unaccounted for: guaranteed accuracy.
@@ -17,25 +17,38 @@ GONE = 1e-3
 #: above which lava that waits in the vents at the end of a run does.
 THIN = WAITING = 0.1
 
-#: Labels of the parts of a budget, in the order of their rows.
-_PARTS = {
-    'emitted': 'emitted',
-    'flowing': 'flowing',
-    'frozen': 'solidified',
-    'over_border': 'lost over the border',
-    'in_holes': 'lost in no-data cells',
-    'in_sea': 'in the sea',
-    'pending': 'waiting in the vents',
-    'late': 'overdue in the vents',
+#: Volumes by the names in their keys (``volume_key``): label for people, and meaning. The emitted
+#: volume is the sum of the others without ``overdue`` and ``thin``, which are parts of others.
+VOLUMES = {
+    'emitted': ('emitted', 'from the vents, and present at the start'),
+    'flowing': ('flowing', 'on the map, and not solidified'),
+    'solidified': ('solidified', 'part of the ground'),
+    'lost_over_border': ('lost over the border', 'on no map'),
+    'lost_in_no_data': ('lost in no-data cells', 'on no map'),
+    'lost_in_sea': ('lost in the sea', 'on no map'),
+    'waiting': ('waiting in the vents', 'less than one particle per vent, and the overdue volume'),
+    'overdue': ('overdue in the vents', 'part of waiting: a vent is behind its effusion rate'),
+    'thin': ('too thin to inundate', 'part of the lava on the map'),
 }
 
-#: Parts that are on no map.
-_GONE = ('over_border', 'in_holes')
+#: Label of the volume that only scenes with a sea show.
+LABEL_OF_SEA, _ = VOLUMES['lost_in_sea']
+
+#: Parts that are on no map, although no scene intends it.
+_GONE = ('lost_over_border', 'lost_in_no_data')
 
 
-@dataclass(frozen=True)
+def volume_key(name: str) -> str:
+    """Return the key of a volume of ``VOLUMES`` in diagnostics, ``run.json`` and bags."""
+    return f'volume_{name}_m3'
+
+
+@dataclass(frozen=True, repr=False)
 class VolumeBudget:
-    """Volumes of lava [m3]: emitted = held + left + frozen.
+    """Volumes of lava [m3]: emitted = flowing + solidified + lost + waiting.
+
+    The solvers give the sums that they keep, as arguments. Outputs have the volumes by the names
+    of ``VOLUMES``.
 
     Attributes:
         emitted: Volume from the vents, the exact integral of their discharge, and the volume at
@@ -46,7 +59,7 @@ class VolumeBudget:
         left: Volume that has flowed over the terrain's border, onto cells without data or into the
             sea.
         frozen: Volume that has solidified and become ground.
-        late: Part of ``pending`` that is overdue: the vents are behind.
+        overdue: Part of ``pending`` that is overdue: the vents are behind.
         in_holes: Part of ``left`` that has flowed onto cells without data.
         in_sea: Part of ``left`` that has flowed into the sea.
         thin: Volume on cells that lava has not reached, because it is too thin to count
@@ -58,10 +71,15 @@ class VolumeBudget:
     pending: float
     left: float
     frozen: float = 0.0
-    late: float = 0.0
+    overdue: float = 0.0
     in_holes: float = 0.0
     in_sea: float = 0.0
     thin: float = 0.0
+
+    def __repr__(self) -> str:
+        """Show the volumes by the names in outputs."""
+        volumes = ', '.join(f'{name}={getattr(self, name)!r}' for name in VOLUMES)
+        return f'{type(self).__name__}({volumes})'
 
     @property
     def error(self) -> float:
@@ -71,47 +89,73 @@ class VolumeBudget:
 
     @property
     def flowing(self) -> float:
-        """Part of ``held`` that is on the map [m3]."""
+        """Volume on the map that has not solidified [m3]."""
         return self.held - self.pending
 
     @property
-    def over_border(self) -> float:
-        """Part of ``left`` that has flowed over the border [m3]."""
+    def waiting(self) -> float:
+        """Volume that waits in the vents' conduits [m3]."""
+        return self.pending
+
+    @property
+    def solidified(self) -> float:
+        """Volume that has solidified and become ground [m3]."""
+        return self.frozen
+
+    @property
+    def lost(self) -> float:
+        """Volume that has flowed over the border, onto cells without data or into the sea [m3]."""
+        return self.left
+
+    @property
+    def lost_over_border(self) -> float:
+        """Volume that has flowed over the terrain's border [m3]."""
         return self.left - self.in_holes - self.in_sea
+
+    @property
+    def lost_in_no_data(self) -> float:
+        """Volume that has flowed onto cells without data [m3]."""
+        return self.in_holes
+
+    @property
+    def lost_in_sea(self) -> float:
+        """Volume that has flowed into the sea [m3]."""
+        return self.in_sea
 
     def texts(self) -> dict[str, str]:
         """Return the values of a diagnostics status, by key."""
-        volumes = {_key(item.name): repr(getattr(self, item.name)) for item in fields(self)}
+        volumes = {volume_key(name): repr(getattr(self, name)) for name in VOLUMES}
         return {**volumes, 'volume_error': f'{self.error:.3e}'}
 
     @classmethod
     def from_texts(cls, values: Mapping[str, str]) -> 'VolumeBudget | None':
-        """Parse the values that ``texts`` returns; None if emitted, held or left is missing.
-
-        Volumes that older recordings lack count as 0.
-        """
-        known = {}
-        for item in fields(cls):
-            try:
-                known[item.name] = float(values[_key(item.name)])
-            except (KeyError, ValueError):
-                continue
-        needed = {'emitted', 'held', 'left'} <= set(known)
-        return cls(**{'pending': 0.0, **known}) if needed else None
+        """Parse the values that ``texts`` returns; None if one is missing or is not a number."""
+        try:
+            known = {name: float(values[volume_key(name)]) for name in VOLUMES}
+        except (KeyError, ValueError):
+            return None
+        holes, sea = known['lost_in_no_data'], known['lost_in_sea']
+        return cls(
+            known['emitted'], known['flowing'] + known['waiting'], known['waiting'],
+            known['lost_over_border'] + holes + sea, known['solidified'], known['overdue'],
+            holes, sea, known['thin'],
+        )
 
     def parts(self) -> dict[str, float]:
-        """Return the volumes [m3] by their labels for people."""
-        return {label: getattr(self, part) for part, label in _PARTS.items()}
+        """Return the volumes [m3] of the rows by their labels for people."""
+        return {
+            label: getattr(self, name) for name, (label, _) in VOLUMES.items() if name != 'thin'
+        }
 
     def rows(self) -> list[tuple[str, str]]:
-        """Return labels and values for people, ending with the unaccounted volume."""
+        """Return labels and values for people, ending with the volume error."""
         rows = [
             (label, f'{_shown(volume)} m3') for label, volume in self.parts().items()
             # scenes usually have no sea
-            if label != _PARTS['in_sea'] or volume > 0.0
+            if label != LABEL_OF_SEA or volume > 0.0
         ]
-        error = 'below 1e-15' if self.error < 1e-15 else f'{self.error:.1e} of the emitted volume'
-        return [*rows, ('unaccounted for', error)]
+        error = 'below 1e-15' if self.error < 1e-15 else f'{self.error:.1e}'
+        return [*rows, ('error', f'{error} of the emitted volume')]
 
     def text(self) -> str:
         """Return all rows on one line."""
@@ -128,11 +172,11 @@ class VolumeBudget:
         texts = []
         if not self.is_conserved:
             texts.append(f'volume is not conserved: {self.error:.1e} of it is unaccounted for')
-        if self.late > 0.0:
-            texts.append(f'behind: {self.late:.3g} m3 of lava wait in the vents')
+        if self.overdue > 0.0:
+            texts.append(f'behind: {self.overdue:.3g} m3 of lava is overdue in the vents')
         thin = 'is on ground that it has not inundated: it is too thin to count'
         for part, most, fate in (
-            *((part, GONE, f'was {_PARTS[part]}: it is on no map') for part in _GONE),
+            *((part, GONE, f'was {VOLUMES[part][0]}: it is on no map') for part in _GONE),
             ('thin', THIN, thin),
         ):
             gone = getattr(self, part)
@@ -146,8 +190,8 @@ class VolumeBudget:
         texts = self.warnings()
         if self.emitted == 0.0:
             texts.append('there is no lava: no vent has emitted any by the end')
-        if self.pending > WAITING * self.emitted:
-            percent = 100.0 * self.pending / self.emitted
+        if self.waiting > WAITING * self.emitted:
+            percent = 100.0 * self.waiting / self.emitted
             texts.append(
                 f'{percent:.3g} % of the lava waits in the vents and is on no map: '
                 'a smaller spacing needs less of it for a particle'
@@ -158,7 +202,3 @@ class VolumeBudget:
 def _shown(volume: float) -> str:
     # four digits for a laboratory flow, 0.1 m3 for an eruption
     return f'{volume:,.1f}' if abs(volume) >= 1000.0 else f'{volume:.4g}'
-
-
-def _key(name: str) -> str:
-    return f'volume_{name}_m3'

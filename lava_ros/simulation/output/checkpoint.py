@@ -118,7 +118,8 @@ class Checkpoint:
                 raise LavaError(f'checkpoint.{name}', 'not finite', 'finite numbers only')
         particles = self.arrays.get('state.particle')
         if particles is None or particles.ndim != 2 or particles.shape[1] != 4:
-            raise LavaError('checkpoint.arrays', sorted(self.arrays), 'state.particle, [count, 4]')
+            found = None if particles is None else f'of shape {particles.shape}'
+            raise LavaError('checkpoint.state.particle', found, 'an array of shape [count, 4]')
         if (particles[:, 2] < 0.0).any():
             raise LavaError('checkpoint.state.particle', 'a negative volume', 'volumes')
         if not len(particles) <= self.capacity < 2**31:

@@ -29,8 +29,14 @@ SPARE, FEW = 16, 1 << 18
 #: Warming by the speed at which lava may erupt, 1,000 m/s [K].
 MAX_WARMING = 500.0
 
+#: Maximum component of a velocity [m/s]: ten times the speed at which lava may erupt.
+MAX_SPEED = 1e4
+
 #: Maximum rounding error of a temperature [K].
 MAX_REMAINDER = 1.0
+
+#: Maximum phase of a vent (``Emission``): overlapping vents have the smallest different ones.
+MAX_PHASE = 1e6
 
 
 def capacity_for(checkpoint: Checkpoint) -> int:
@@ -67,8 +73,8 @@ def check_restored(checkpoint: Checkpoint, unused: Iterable[str], time: float) -
 def check_conserved(budget: VolumeBudget) -> None:
     """Raise LavaError if the volumes of a resumed simulation do not add up."""
     if not budget.error <= TOLERANCE:
-        found = f'{budget.held:g} m3 flowing, {budget.frozen:g} m3 solidified and '
-        found += f'{budget.left:g} m3 lost'
+        found = f'{budget.flowing:g} m3 flowing, {budget.solidified:g} m3 solidified, '
+        found += f'{budget.lost:g} m3 lost and {budget.waiting:g} m3 waiting in the vents'
         expected = f'together the {budget.emitted:g} m3 that were emitted'
         raise LavaError('checkpoint.volume', found, expected)
 
@@ -99,6 +105,8 @@ def _ranges(
         yield 'heat.temperature', temperature, coldest, hottest, expected
         fluidity = arrays.get('cells.fluidity', np.zeros(1))
         yield 'cells.fluidity', fluidity, 0.0, math.inf, 'at least 0 1/(Pa s)'
+        strength = arrays.get('cells.strength', np.zeros(1))
+        yield 'cells.strength', strength, 0.0, math.inf, 'at least 0 Pa'
         # a step finds the largest in float32
         largest = float(columns.max(initial=0.0)) * (1.0 - float(np.finfo(np.float32).eps))
         thickest, rate = np.split(arrays.get('cells.peaks', np.zeros(2)), [1])
@@ -122,9 +130,16 @@ def _ranges(
         yield name, arrays.get(name, np.zeros(1)), -1.0, time, expected
     squares, every = arrays.get('arrived.squares', np.zeros(1)), (1 << PARTS * PARTS) - 1
     yield 'arrived.squares', squares, 0, every, f'from 0 to {every}, the squares of a cell'
-    ends = np.split(arrays.get('arrived.bounds', np.zeros(4)), 2)
-    for bounds, count, what in zip(ends, terrain.shape, ('rows', 'columns'), strict=True):
-        yield 'arrived.bounds', bounds, 0, count, f'at most {count} {what}'
+    bounds = arrays.get('arrived.bounds', np.zeros(4)).ravel()
+    for part, count, what in zip((0, 2), terrain.shape, ('rows', 'columns'), strict=True):
+        yield 'arrived.bounds', bounds[part : part + 2], 0, count, f'at most {count} {what}'
+    velocity = arrays.get('state.velocity', np.zeros(1))
+    expected = f'from {-MAX_SPEED:g} to {MAX_SPEED:g} m/s'
+    yield 'state.velocity', velocity, -MAX_SPEED, MAX_SPEED, expected
+    phase = arrays.get('vents.phase', np.zeros(1))
+    yield 'vents.phase', phase, 0.0, MAX_PHASE, f'from 0 to {MAX_PHASE:g}'
+    downhill = arrays.get('vents.downhill', np.zeros(1))
+    yield 'vents.downhill', downhill, -1.0, 1.0, 'from -1 to 1 half turns'
     cell = THICKNESS_UNIT * terrain.resolution**2
     for name in ('solidified.deposit', 'solidified.placed'):
         volume = arrays.get(name, np.zeros(1)).astype(np.float64) * cell

@@ -130,7 +130,7 @@ def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) 
             pending=pending,
             left=float(border + holes + sea),
             frozen=float(frozen.sum()),
-            late=vents.late(pending),
+            overdue=vents.late(pending),
             in_holes=float(holes),
             in_sea=float(sea),
         ),

@@ -98,13 +98,13 @@ def current_resolution(snapshot: Snapshot, accuracy: Accuracy, expected: Resolut
     Args:
         snapshot: The flow on the cells of its terrain.
         accuracy: Its resolution, with all automatic values filled in.
-        expected: The expected resolution.
+        expected: The expected resolution, with the spacing of the simulation.
 
     Returns:
         The measured resolution; while the flow is too small to measure, the expected one. The kind
         is measured as soon as there is lava: a small flow may be one that no lava forms.
     """
-    assert accuracy.spacing is not None and accuracy.thickness is not None
+    assert accuracy.thickness is not None
     wet, cell, kind = snapshot.standing, snapshot.terrain.resolution, expected.kind
     if snapshot.inundated is not None and (wet & snapshot.footprint).any():
         # not the cells that lava only touches
@@ -122,11 +122,11 @@ def current_resolution(snapshot: Snapshot, accuracy: Accuracy, expected: Resolut
             thickness=middle, width=narrow, diameter=2.0 * cell * math.sqrt(count / math.pi),
             stress=volume_quantile(stress, thickness, 0.5),
         )
-    distance = accuracy.spacing * np.sqrt(accuracy.thickness / thickness)
+    distance = expected.spacing * np.sqrt(accuracy.thickness / thickness)
     if not is_extended(count * cell**2, float(np.median(distance))):
         return replace(expected, kind=kind)
     return Resolution(
-        spacing=accuracy.spacing,
+        spacing=expected.spacing,
         thickness=middle,
         width=narrow,
         across=volume_quantile(width / distance, thickness, NARROW),

@@ -105,7 +105,10 @@ class Snapshot:
     def flaw(self) -> str:
         """Return why the snapshot cannot be shown as a map; empty if there is no reason."""
         budget = self.budget
-        numbers = (self.time, budget.emitted, budget.held, budget.left, budget.frozen)
+        numbers = (
+            self.time, budget.emitted, budget.flowing, budget.waiting, budget.lost,
+            budget.solidified,
+        )
         if not all(math.isfinite(number) for number in numbers):
             return f'time or volume is not a number: time {self.time} s, {budget}'
         is_thickness = np.isfinite(self.thickness) & (self.thickness >= 0.0)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
 from lava_ros.scene.vents import match_vents
 from lava_ros.simulation.backend.threads import is_alone
@@ -33,6 +34,7 @@ from lava_ros.simulation.particles.layout import centre_of, fitting
 from lava_ros.simulation.particles.solidified import volume_of
 from lava_ros.simulation.particles.state import room_for, State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
+from lava_ros.simulation.step.timestep import LIMITS
 from lava_ros.simulation.step.vents import check_rates, Emission, VentSet
 from lava_ros.simulation.stop import Stop
 
@@ -407,6 +409,9 @@ class ParticleSolver(ParticleLava):
             self.own_terrain().load(parts.pop('solidified', {}))
         state = parts.pop('state', {})
         self.state.load(state, capacity_for(checkpoint))
+        if (limit := int(state['counts'][at.LIMIT])) not in range(len(LIMITS)):
+            expected = f'the index of a limit of a step, 0 to {len(LIMITS) - 1}'
+            raise LavaError('checkpoint.state.counts', limit, expected)
         time = float(state['clock'][at.TIME])
         vents = parts.pop('vents', {})
         emission = Emission.from_arrays(vents, len(checkpoint.scene.vents))

@@ -198,7 +198,7 @@ def _run_freezing(accuracy: Accuracy, device: str) -> case.Run:
 
     def frozen() -> float:
         budget = trial.simulation.budget()
-        return budget.frozen / budget.emitted
+        return budget.solidified / budget.emitted
 
     for fraction in (0.3, 0.6, 0.9):
         trial.advance(fraction * lens.end)

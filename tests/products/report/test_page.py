@@ -150,7 +150,7 @@ def test_curves_have_the_values_of_the_frames(run, read):
     assert math.isnan(hottest.values[0])
     assert hottest.values[1:] == pytest.approx(hot, abs=0.01)
     # the page has the last values as texts
-    assert 'At the end: standing lava 4,000 m².' in read.texts
+    assert 'At the end: standing 4,000 m².' in read.texts
     assert 'At the end: hottest cell 740 °C.' in read.texts
 
 
@@ -203,7 +203,7 @@ def test_picture_and_page_agree(tmp_path):
     rows = dict(facts(Recording(bag), summarize(Recording(bag))))
     # 10 rows of 8 columns without the row that is too thin
     assert frame.area(frame.standing) == 72 * 25.0
-    assert rows['standing lava, 0.1 m or more'] == '1800 m²'
+    assert rows['standing area, 0.1 m or more'] == '1800 m²'
     # without arrival times, drained cells are unknown
     assert frame.inundated is None and not any('inundated' in name for name in rows)
     assert rows['maximum thickness'] == '41.3 m'

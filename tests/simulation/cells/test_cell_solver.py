@@ -20,6 +20,7 @@ from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.cells import solver as solver_module
 from lava_ros.simulation.cells.solver import CellSolver
+from lava_ros.simulation.output.measurement import current_resolution
 from lava_ros.simulation.selection import decide, effects_for, warnings_of
 from solver import flat, only
 
@@ -257,11 +258,40 @@ def test_changes_of_vents_and_terrain_conserve_volume():
     assert np.isfinite(simulation.snapshot().arrived).sum() >= arrived
 
 
+@pytest.mark.parametrize(('knobs', 'shape', 'used'), [
+    ({'spacing': 4.0}, (60, 60), 5.0), ({'spacing': 8.0, 'thickness': 2.0}, (60, 60), 10.0),
+    ({'spacing': 3.0}, (60, 60), 2.5), ({'spacing': 2.5}, (60, 60), 2.5),
+    # two cells along a side, and three become two
+    ({'spacing': 100.0}, (60, 2), 5.0), ({'spacing': 100.0}, (5, 60), 10.0),
+    ({'refinement': 0.2}, (60, 4), 10.0),
+])
+def test_spacing_in_outputs_is_the_size_of_the_cells(knobs, shape, used):
+    ground = Terrain(np.zeros(shape), 5.0)
+    simulation = simulated(ground, Vent((5.0, 5.0), 10.0), **knobs)
+    for item in (simulation, Simulation.resume(simulation.checkpoint(), device='cpu')):
+        assert item.solver.grid.resolution == item.accuracy.spacing == used
+        found = current_resolution(item.snapshot(), item.accuracy, item.resolution)
+        assert item.resolution.spacing == found.spacing == used
+    plan = make_plan(simulation.scene, horizon=600.0, accuracy=Accuracy(method='cells', **knobs))
+    assert plan.accuracy.spacing == used
+
+
+def test_spacing_in_outputs_follows_a_replaced_terrain():
+    simulation = simulated(slope(), Vent((-60.0, 0.0), 10.0), spacing=1.25)
+    simulation.advance(600.0)
+    simulation.set_terrain(Terrain(np.zeros((40, 40)), 7.0, origin=(-140.0, -140.0)))
+    found = current_resolution(
+        simulation.snapshot(), simulation.accuracy, simulation.resolution
+    )
+    assert found.limit == 'measured'
+    assert simulation.solver.grid.resolution == found.spacing == 1.75
+
+
 @pytest.mark.parametrize(('shape', 'cell', 'knobs', 'message'), [
-    ((40, 40), 5000.0, {'spacing': 1.0}, r'spacing is 1.0, expected at least 39.06 m, the smal'),
-    ((2, 9000), 8.0, {'spacing': 1.0}, r'spacing is 1.0, expected at least 4 m, the smallest'),
+    ((40, 40), 5000.0, {'spacing': 1.0}, r'spacing is 1, expected at least 39.06 m, the smal'),
+    ((2, 9000), 8.0, {'spacing': 1.0}, r'spacing is 1, expected at least 4 m, the smallest'),
     ((4, 4), 1e-3, {'spacing': 1e-5}, r'spacing is 1e-05, expected at least 0.000125 m, the'),
-    ((600, 600), 10.0, {'refinement': 20.0}, r'refinement is 20.0, expected one for which the a'),
+    ((600, 600), 10.0, {'refinement': 20.0}, r'refinement is 20, expected one for which the a'),
 ])
 def test_refuses_cells_that_the_terrain_cannot_have(shape, cell, knobs, message):
     ground = Terrain(np.zeros(shape), cell)
@@ -279,7 +309,7 @@ def test_wide_vent_spreads_evenly_over_small_cells():
 def test_terrain_remains_if_the_next_one_is_refused():
     simulation = simulated(slope(), Vent((-60.0, 0.0), 10.0), spacing=5.0)
     simulation.advance(100.0)
-    with pytest.raises(LavaError, match=r'accuracy.spacing is 5.0, expected at least 39.06 m'):
+    with pytest.raises(LavaError, match=r'accuracy.spacing is 5, expected at least 39.06 m'):
         simulation.set_terrain(Terrain(np.zeros((40, 40)), 5000.0, origin=(-1e5, -1e5)))
     simulation.advance(200.0)
     budget = simulation.budget()
