@@ -145,12 +145,11 @@ STEP = """
     FLUX
     // nothing passes the faces at the ends of the spans, to which no stage writes
     for (long i = first_for_warp(top); i <= last_of(bottom); i += warps) {
-        const long from = begin_of(i), to = end_of(i), count = to - from + 1;
-        for (long j = from - 1 + thread * count; j <= to; j += threads * count)
-            if (j >= 0) {
-                const long p = i * w + j;
-                s.flux_x.data[p] = s.former_x.data[p] = first_x[p] = 0.0f;
-            }
+        const long from = begin_of(i), to = end_of(i);
+        for (long n = thread; n < 2 && from <= to; n += threads) {
+            const long p = i * w + (n ? to : from > 0 ? from - 1 : to);
+            s.flux_x.data[p] = s.former_x.data[p] = first_x[p] = 0.0f;
+        }
         if (i == bottom) continue;
         const Span own{from, to}, next{begin_of(i + 1), end_of(i + 1)}, common = both(own, next);
         auto clear = [&](long begin, long end) {

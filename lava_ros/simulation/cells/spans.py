@@ -37,7 +37,7 @@ _FIND = """{
     int* spans = s.spans.data;
     for (long i = first_for_warp(top); i <= last_of(bottom); i += warps) {
         const double* h = s.thickness.data + i * s.stride;
-        long from = left + thread, to = right - (right - from) % threads;
+        long from = left + thread, to = from <= right ? right - (right - from) % threads : left;
         while (from <= to && h[from] == 0.0) from += threads;
         while (from <= to && h[to] == 0.0) to -= threads;
         const bool is_dry = from > to;
