@@ -67,7 +67,7 @@ def test_no_text_installs_the_package_from_a_registry() -> None:
     root = Path(__file__).parents[2]
     texts = [*(root / 'docs').rglob('*.md'), *root.glob('*.md'), *MODULES.values(),
              *(root / 'examples').glob('*')]
-    for path in texts:
+    for path in filter(Path.is_file, texts):
         for line in path.read_text(encoding='utf-8').splitlines():
             words = line.partition('pip install')[2].replace('`', ' ').split()
             names = {word.strip('\'"').partition('[')[0] for word in words}

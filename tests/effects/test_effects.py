@@ -22,6 +22,8 @@ EFFECT = Effect(rank=200, title='toy', {})
 ADD_EACH = """
 from pathlib import Path
 import sys
+# two texts of one second and one length would share a cached module
+sys.dont_write_bytecode = True
 for text in sys.argv[1:]:
     Path('lava_ros/effects/toy.py').write_text(text)
     for name in [name for name in sys.modules if name.startswith('lava_ros')]:
