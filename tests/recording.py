@@ -143,7 +143,7 @@ def snapshot_at(time: float, thickness: np.ndarray, terrain: Terrain) -> Snapsho
     return Snapshot(
         time=time, terrain=terrain,
         thickness=np.where(terrain.has_data, thickness, np.nan).astype(np.float32),
-        temperature=temperature.astype(np.float32), budget=VolumeBudget(volume, volume, 0.0, 0.0),
+        temperature=temperature.astype(np.float32), budget=VolumeBudget(volume, volume),
         particle_count=1, steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
     )
 

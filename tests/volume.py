@@ -28,8 +28,8 @@ def volume_errors(snapshot: Snapshot, rounding: float) -> list[str]:
     """
     budget, cell = snapshot.budget, snapshot.terrain.resolution**2
     maps = {
-        'lava': (snapshot.thickness, budget.flowing + budget.frozen),
-        'solidified lava': (snapshot.frozen, budget.frozen),
+        'lava': (snapshot.thickness, budget.flowing + budget.solidified),
+        'solidified lava': (snapshot.frozen, budget.solidified),
     }
     # False if the error is not a number
     errors = [] if budget.error <= rounding else [budget.text()]

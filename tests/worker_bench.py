@@ -77,7 +77,7 @@ class KeepsTime:
             np.full(ground.shape, value, np.float32)
             for value in (np.nan if self.flawed else 0.0, np.nan)
         )
-        budget = VolumeBudget(emitted, emitted, 0.0, 0.0)
+        budget = VolumeBudget(emitted, emitted)
         steps = StepReport(1, 1, 1, 1.0, 'longest')
         return Snapshot(self.time, ground, thickness, temperature, budget, 0, steps)
 

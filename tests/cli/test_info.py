@@ -102,7 +102,7 @@ def test_info_lists_checkpoints(method, tmp_path):
 
 
 def test_info_warns_of_a_volume_that_is_nan(tmp_path, monkeypatch):
-    lost = VolumeBudget(10.0, math.nan, 0.0, 0.0)
+    lost = VolumeBudget(10.0, math.nan)
     made = recording.snapshot_at
     monkeypatch.setattr(recording, 'snapshot_at', lambda *of: replace(made(*of), budget=lost))
     lines, report = info(recording.record(tmp_path / 'bag'))

@@ -153,7 +153,7 @@ class Energy:
         given = max(moment.given - last.given, 0.0)
         # lava may have been emitted since by vents that were replaced
         received = given * (max(before.source, now.source) + thickest)
-        received += max(moment.budget.frozen - last.budget.frozen, 0.0) * thickest
+        received += max(moment.budget.solidified - last.budget.solidified, 0.0) * thickest
         relief = float(lava.volume.sum()) * (moment.ground.relief + moment.thickest)
         received += ENERGY * max(relief, before.energy)
         steps = max(moment.steps - last.steps, 1)

@@ -125,7 +125,7 @@ class Moment:
         #: Numbers of steps and of evaluations of the flow.
         self.steps, self.evaluations, _ = counts_of(simulation)
         #: Volume that the vents have emitted [m3].
-        self.given = self.budget.emitted - self.budget.pending
+        self.given = self.budget.emitted - self.budget.waiting
         self.thickest = float(self.lava.thickness.max(initial=0.0))
 
     @property

@@ -52,6 +52,7 @@ from hard.energy import Energy, Temperature
 from hard.ground import along, Bound, distance, head, is_on_cells, Moment, terrain_of
 from lava_ros.simulation import Simulation, Snapshot
 from lava_ros.simulation.accuracy import expected_thickness
+from lava_ros.simulation.output.budget import VOLUMES
 from lava_ros.simulation.particles.kernels import smoothing_kernel
 from lava_ros.simulation.step.stage import longest_step
 from lava_ros.simulation.step.timestep import MAX_STAGES
@@ -347,7 +348,7 @@ def _whole(moment: Moment, snapshot: Snapshot) -> Iterator[Bound]:
         **{name: getattr(lava, name) for name in names},
         'map thickness': snapshot.thickness[known],
         'map temperature': snapshot.temperature[known & (snapshot.thickness > 0.0)],
-        'budget': np.array([budget.emitted, budget.held, budget.left, budget.frozen]),
+        'budget': np.array([getattr(budget, name) for name in VOLUMES]),
     }
     bad = {name: int((~np.isfinite(array)).sum()) for name, array in values.items()}
     yield 'finite', sum(bad.values()), 0.0, ', '.join(name for name in bad if bad[name])

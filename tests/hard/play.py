@@ -168,9 +168,9 @@ def _requirements(
         yield 'spread', -float(np.hypot(*places.T).max(initial=0.0)), -item.reaches
     if item.solidified < 1.0:
         budget = simulation.budget()
-        yield 'solidified', budget.frozen, item.solidified * budget.emitted
+        yield 'solidified', budget.solidified, item.solidified * budget.emitted
     if item.closed:
-        yield 'left', simulation.budget().left, 0.0
+        yield 'left', simulation.budget().lost, 0.0
     if outcome.preset == 'reference' and item.mirrored:
         yield 'symmetry', outcome.asymmetry, MIRRORED
 

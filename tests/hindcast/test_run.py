@@ -35,7 +35,7 @@ SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=4)
 def _snapshot(terrain: Terrain, thickness: np.ndarray, arrived: np.ndarray) -> Snapshot:
     return Snapshot(
         1.0, terrain, thickness.astype(np.float32), np.full(terrain.shape, np.nan, np.float32),
-        VolumeBudget(1.0, 1.0, 0.0, 0.0), 1, StepReport(1, 1, 1, 1.0, 'longest'),
+        VolumeBudget(1.0, 1.0), 1, StepReport(1, 1, 1, 1.0, 'longest'),
         arrived=arrived.astype(np.float32), half_inundated=arrived.astype(np.float32),
         inundated=np.isfinite(arrived).astype(np.float32),
     )

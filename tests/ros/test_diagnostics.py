@@ -39,7 +39,7 @@ def _values(status):
 
 def _snapshot(**budget):
     terrain = Terrain(np.zeros((2, 2)), 1.0)
-    amounts = {'emitted': 10.0, 'held': 10.0, 'pending': 0.5, 'left': 0.0, **budget}
+    amounts = {'emitted': 10.0, 'flowing': 9.5, 'waiting': 0.5, **budget}
     return Snapshot(
         time=12.5,
         terrain=terrain,
@@ -250,9 +250,9 @@ def test_flow_whose_physics_the_model_lacks_is_a_warning():
 
 
 def test_lost_volume_is_an_error():
-    assert _simulation(snapshot=_snapshot(held=9.99995)).level == OK
-    for held in (9.999, float('nan')):
-        status = _simulation(snapshot=_snapshot(held=held))
+    assert _simulation(snapshot=_snapshot(flowing=9.49995)).level == OK
+    for flowing in (9.499, float('nan')):
+        status = _simulation(snapshot=_snapshot(flowing=flowing))
         assert status.level == ERROR
         assert status.message.startswith('volume is not conserved')
 

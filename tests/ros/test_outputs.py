@@ -119,7 +119,7 @@ TERRAIN = Terrain(np.arange(6.0).reshape(2, 3), 10.0, origin=(100.0, 200.0))
 SNAPSHOT = Snapshot(
     time=5.0, terrain=TERRAIN,
     thickness=np.array([[0.0, 1.0, 2.0], [3.0, np.nan, 0.05]], np.float32),
-    temperature=np.full((2, 3), 1273.15, np.float32), budget=VolumeBudget(1.0, 1.0, 0.0, 0.0),
+    temperature=np.full((2, 3), 1273.15, np.float32), budget=VolumeBudget(1.0, 1.0),
     particle_count=1, steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
 )
 

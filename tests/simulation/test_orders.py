@@ -134,7 +134,7 @@ def test_solidification_is_of_first_order_in_time(device):
         capacity = lava.density * lava.specific_heat * sample.thickness
         due = capacity / convection * math.log((hot - air) / (solidus - air))
         mean = time = 0.0
-        while (flowing := simulation.budget().held):
+        while (flowing := simulation.budget().flowing):
             # to the end of the next step
             reached = simulation.advance(time + 1e-3, limit=1e9)
             mean += flowing / volume.sum() * (reached - time)

@@ -97,11 +97,11 @@ def test_map_has_the_volume_of_particles_and_deposit(device, scene, preset):
     snapshot = simulation.snapshot()
     budget = snapshot.budget
     assert snapshot.flaw() == ''
-    assert (budget.in_holes > 0.0) == (scene == 'holes')
+    assert (budget.lost_in_no_data > 0.0) == (scene == 'holes')
     assert (budget.lost_over_border > 0.0) == (scene == 'border')
-    assert (budget.frozen > 0.0) == (scene == 'freezing')
+    assert (budget.solidified > 0.0) == (scene == 'freezing')
     volume = np.nansum(snapshot.thickness, dtype=np.float64) * terrain.resolution**2
-    held = budget.held - budget.pending + budget.frozen
+    held = budget.flowing + budget.solidified
     assert volume == pytest.approx(held, rel=1e-5)
     assert (np.isnan(snapshot.thickness) == ~terrain.has_data).all()
 

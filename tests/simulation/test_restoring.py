@@ -75,7 +75,7 @@ def test_changes_after_a_checkpoint_have_the_same_result(device):
         run.advance(350.0)
     assert other.effects == simulation.effects
     assert not simulation.effects.yielding
-    assert simulation.budget().frozen > 0.0
+    assert simulation.budget().solidified > 0.0
     assert are_equal(simulation, other)
 
 
@@ -90,7 +90,7 @@ def test_neighbour_grid_of_a_resumed_run_covers_lava_far_from_vents(device, monk
     monkeypatch.setattr(neighbors, 'MAX_PARTICLES_PER_CELL', 50)
     other = Simulation.resume(simulation.checkpoint(), device=device)
     snapshots = [run.snapshot() for run in (simulation, other)]
-    assert snapshots[0].budget.held == pytest.approx(4e4, rel=1e-6)
+    assert snapshots[0].budget.flowing == pytest.approx(4e4, rel=1e-6)
     assert (snapshots[0].thickness == snapshots[1].thickness).all()
 
 

@@ -56,7 +56,7 @@ def test_solidification_is_switched_on_beyond_the_horizon(simulation: Simulation
     assert decision.measured > decision.effect.threshold >= decision.value
     assert f'since {decision.since:.0f} s' in decision.reason
     budget = simulation.budget()
-    assert budget.frozen > 0.95 * budget.emitted
+    assert budget.solidified > 0.95 * budget.emitted
     if budget.flowing > 0.0:
         assert simulation.sample().temperature.min() > COOLING.solidus - 1.0
 

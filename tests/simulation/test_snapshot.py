@@ -23,7 +23,9 @@ from lava_ros.simulation.particles import solver as solver_module
 from solver import incline, simulated
 
 #: Budget after a hole has taken most of an eruption.
-SWALLOWED = VolumeBudget(324_000.0, 18_398.0, 0.4, 305_602.0, in_holes=305_500.0)
+SWALLOWED = VolumeBudget(
+    324_000.0, 18_397.5, lost_over_border=102.0, lost_in_no_data=305_500.0, waiting=0.5
+)
 
 VENTS = (Vent((60.0, 155.0), 20.0), Vent((160.0, 155.0), 5.0))
 
@@ -48,7 +50,8 @@ def valley():
 
 def test_parts_of_the_budget_add_up_to_the_emitted_volume():
     budget = VolumeBudget(
-        100.0, 40.0, 10.0, 25.0, frozen=35.0, overdue=8.0, in_holes=18.0, in_sea=2.0
+        100.0, 30.0, 35.0, lost_over_border=5.0, lost_in_no_data=18.0, lost_in_sea=2.0,
+        waiting=10.0, overdue=8.0,
     )
     rows = {name: value.removesuffix(' m3') for name, value in budget.rows()}
     assert rows == {
@@ -59,13 +62,13 @@ def test_parts_of_the_budget_add_up_to_the_emitted_volume():
     parts = [float(rows[name]) for name in list(rows)[1:7]]
     assert sum(parts) == 100.0
     # a flow in the laboratory
-    assert VolumeBudget(8.17e-4, 8.17e-4, 0.0, 0.0).rows()[1] == ('flowing', '0.000817 m3')
+    assert VolumeBudget(8.17e-4, 8.17e-4).rows()[1] == ('flowing', '0.000817 m3')
 
 
 def test_text_names_lost_and_solidified_lava():
     assert SWALLOWED.error == 0.0
     assert 'lost in no-data cells 305,500.0 m3' in SWALLOWED.text()
-    frozen = VolumeBudget(300_000.0, 15_395.0, 1.0, 0.0, frozen=284_605.0)
+    frozen = VolumeBudget(300_000.0, 15_394.0, 284_605.0, waiting=1.0)
     assert 'flowing 15,394.0 m3, solidified 284,605.0 m3' in frozen.text()
     assert frozen.warnings() == []
 
@@ -74,11 +77,11 @@ def test_text_names_lost_and_solidified_lava():
     ('budget', 'phrase'),
     [
         (SWALLOWED, '94.3 % of the lava was lost in no-data cells'),
-        (VolumeBudget(100.0, 99.0, 2.0, 1.0), '1 % of the lava was lost over the border'),
-        (VolumeBudget(100.0, 100.0, 2.0, 0.0, overdue=1.5), 'behind: 1.5 m3 of lava is overdue'),
-        (VolumeBudget(100.0, 100.0, 2.0, 0.0, thin=20.0), '20 % of the lava is on ground that it'),
-        (VolumeBudget(100.0, 99.0, 2.0, 0.0), 'volume is not conserved: 1.0e-02'),
-        (VolumeBudget(100.0, math.nan, 2.0, 0.0), 'volume is not conserved: nan'),
+        (VolumeBudget(100.0, 99.0, lost_over_border=1.0), '1 % of the lava was lost over'),
+        (VolumeBudget(100.0, 98.0, waiting=2.0, overdue=1.5), 'behind: 1.5 m3 of lava is'),
+        (VolumeBudget(100.0, 100.0, thin=20.0), '20 % of the lava is on ground that it'),
+        (VolumeBudget(100.0, 99.0), 'volume is not conserved: 1.0e-02'),
+        (VolumeBudget(100.0, math.nan), 'volume is not conserved: nan'),
     ],
 )
 def test_budget_warns_of_lost_overdue_and_unaccounted_lava(budget, phrase):
@@ -101,7 +104,9 @@ def test_budget_of_a_snapshot_has_lava_that_does_not_inundate(viscosity, is_thin
 
 
 def test_budget_is_unchanged_by_diagnostics():
-    budget = replace(SWALLOWED, held=18_000.0, frozen=398.0, overdue=0.25, in_sea=64.0, thin=5.0)
+    budget = replace(
+        SWALLOWED, flowing=18_000.0, solidified=397.5, overdue=0.25, lost_in_sea=64.0, thin=5.0
+    )
     texts = budget.texts()
     assert VolumeBudget.from_texts(texts) == budget
     for name in VOLUMES:
@@ -202,7 +207,7 @@ def test_diagnostics_equal_sums_over_the_particles(device):
         assert moment.budget.flowing == pytest.approx(held, rel=1e-12)
         assert moment.particle_count == len(state.read_particles())
         assert moment.steps.count == simulation.steps
-        assert moment.budget.pending == vents.pending(simulation.time).sum()
+        assert moment.budget.waiting == vents.pending(simulation.time).sum()
         mapped = replace(simulation.snapshot().budget, thin=0.0)
         assert simulation.budget() == mapped == moment.budget
     assert moment.particle_count > 0
@@ -259,7 +264,7 @@ def snapshot(**cells):
         arrays[name][1, 2] = value
     return Snapshot(
         time=1.0, terrain=Terrain(elevation, 10.0), **arrays, particle_count=0,
-        budget=VolumeBudget(0.0, 0.0, 0.0, 0.0), steps=StepReport(1, 1, 1, 1.0, 'longest'),
+        budget=VolumeBudget(0.0, 0.0), steps=StepReport(1, 1, 1, 1.0, 'longest'),
     )
 
 
@@ -272,8 +277,8 @@ def test_ground_without_data_and_dry_cells_are_no_flaws():
     ('broken', 'words'),
     [
         (lambda: replace(snapshot(), time=np.nan), 'time nan s'),
-        (lambda: replace(snapshot(), budget=VolumeBudget(1.0, np.nan, 0.0, 0.0)), 'flowing=nan'),
-        (lambda: replace(snapshot(), budget=VolumeBudget(1.0, 1.0, 0.0, np.inf)), 'border=inf'),
+        (lambda: replace(snapshot(), budget=VolumeBudget(1.0, np.nan)), 'flowing=nan'),
+        (lambda: replace(snapshot(), budget=VolumeBudget(1.0, 1.0, np.inf)), 'solidified=inf'),
         (lambda: snapshot(thickness=np.nan), 'thickness is not a number of metres in 1 cell'),
         (lambda: snapshot(thickness=np.inf), 'thickness'),
         (lambda: snapshot(thickness=-0.1), 'thickness'),
@@ -286,10 +291,12 @@ def test_flaw_names_the_quantity_and_the_number_of_cells(broken, words):
     assert words in broken().flaw()
 
 
-@pytest.mark.parametrize('part', ['held', 'left', 'frozen'])
+@pytest.mark.parametrize('part', ['flowing', 'solidified', 'lost_in_sea', 'waiting'])
 def test_error_of_a_budget_counts_each_part_of_the_volume(part):
-    volumes = {'emitted': 10.0, 'held': 5.0, 'left': 3.0, 'frozen': 2.0}
-    budget = VolumeBudget(pending=0.0, **volumes)
+    volumes = {
+        'emitted': 10.0, 'flowing': 4.0, 'solidified': 2.0, 'lost_in_sea': 3.0, 'waiting': 1.0
+    }
+    budget = VolumeBudget(**volumes)
     assert budget.error == 0.0 and budget.is_conserved
-    missing = VolumeBudget(pending=0.0, **volumes | {part: volumes[part] - 1.0})
+    missing = VolumeBudget(**volumes | {part: volumes[part] - 1.0})
     assert missing.error == pytest.approx(0.1) and not missing.is_conserved

@@ -243,10 +243,10 @@ def test_solidified_lava_is_kept(change, precision, deterministic, device):
     data = flow(precision, deterministic, device)
     simulation = Simulation.resume(from_bytes(data), device=device)
     before = state_of(simulation)
-    assert 0.1 < before[0].budget.frozen / before[0].budget.emitted < 0.9
+    assert 0.1 < before[0].budget.solidified / before[0].budget.emitted < 0.9
     simulation = CHANGES[change](simulation) or simulation
     after = state_of(simulation)
-    lost = after[0].budget.left - before[0].budget.left
+    lost = after[0].budget.lost - before[0].budget.lost
     if len(before[1]) == len(after[1]):
         assert is_kept(before, after)
         assert (lost > 0.0) == change.startswith('holed')
@@ -262,4 +262,4 @@ def test_solidified_lava_is_kept(change, precision, deterministic, device):
         if 'solidification' not in simulation.effects:
             assert is_kept(before, after)
     assert not simulation.scene.events
-    assert after[0].budget.frozen > before[0].budget.frozen
+    assert after[0].budget.solidified > before[0].budget.solidified

@@ -59,7 +59,7 @@ def test_capacity_grows_if_each_part_is_one_stage(monkeypatch: pytest.MonkeyPatc
             break
     budget = simulation.budget()
     assert simulation.time == 40.0
-    assert budget.overdue == 0.0 and budget.pending < 1.0
+    assert budget.overdue == 0.0 and budget.waiting < 1.0
     assert simulation.particle_count == pytest.approx(800, abs=1)
 
 
@@ -88,7 +88,7 @@ def test_lava_beyond_the_capacity_is_overdue(monkeypatch: pytest.MonkeyPatch) ->
     simulation = flow(VENT)
     simulation.advance(40.0)
     budget = simulation.budget()
-    assert budget.overdue == pytest.approx(budget.pending, abs=1.1) and budget.overdue > 600.0
+    assert budget.overdue == pytest.approx(budget.waiting, abs=1.1) and budget.overdue > 600.0
 
 
 @pytest.mark.parametrize('discharges', [(1e7,), (6e5, 6e5)])
@@ -190,7 +190,7 @@ def test_vent_emits_only_on_connected_ground(name: str, symmetric: bool) -> None
     simulation.set_vents([])
     sample = simulation.sample()
     budget = simulation.budget()
-    assert budget.left == 0.0 and budget.pending < 1e-3
+    assert budget.lost == 0.0 and budget.waiting < 1e-3
     assert terrain.covered(sample.position).all()
     assert sample.position[:, 0].max() <= most
     # still spread over the available ground

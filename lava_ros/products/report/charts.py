@@ -13,7 +13,7 @@ from lava_ros.files.pictures import new_figure, save_picture
 from lava_ros.layers.recording import Recording
 from lava_ros.products.colours import time_unit
 from lava_ros.products.report.summary import RunSummary
-from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.budget import VolumeBudget, VOLUMES
 
 #: Width and height of a chart [inches], and its resolution.
 SIZE, DPI = (4.6, 2.7), 100.0
@@ -78,7 +78,7 @@ def charts_of(recording: Recording, summary: RunSummary) -> list[Chart]:
     """Return charts of the volume, area, front and temperature of a run."""
     run = recording.timeline.last_run
     times = [item.time for item in run]
-    unknown = VolumeBudget(*[math.nan] * 4)
+    unknown = VolumeBudget(*[math.nan] * len(VOLUMES))
     budgets = [(VolumeBudget.from_texts(item.values) or unknown).parts() for item in run]
     volumes = [
         Curve(label, times, [budget[label] for budget in budgets]) for label in unknown.parts()

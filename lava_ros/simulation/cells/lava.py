@@ -43,7 +43,7 @@ from lava_ros.simulation.cells.state import (
     TIME,
 )
 from lava_ros.simulation.cells.vents import CellVents
-from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.budget import lost_volumes, VolumeBudget
 from lava_ros.simulation.output.covered_maps import box_of, CoveredCells, show_covered_cells
 from lava_ros.simulation.output.diagnostics import Moment, SHOWN, snapshot_of
 from lava_ros.simulation.output.peaks import PeakMaps, Peaks
@@ -53,7 +53,6 @@ from lava_ros.simulation.output.snapshot import (
     StepReport,
 )
 from lava_ros.simulation.output.window import Window
-from lava_ros.simulation.particles.layout import HOLES, SEA
 from lava_ros.simulation.particles.terrain import known_on
 
 #: Thickness below which lava does not flow, over the expected thickness of the flow up to 1 m.
@@ -335,7 +334,7 @@ class CellLava:
             stages=int(counts[STAGES]), length=float(self.clock[FULL]), limit='diffusion',
         )
         moment = Moment(self.time, self.count, steps, self.budget())
-        if not (self.effects.any('freezes') or moment.budget.frozen):
+        if not (self.effects.any('freezes') or moment.budget.solidified):
             maps = np.delete(maps, 2, axis=0)
         snapshot = snapshot_of(maps, moment, self.scene.terrain, self.accuracy)
         return PendingSnapshot(lambda: snapshot)
@@ -344,11 +343,10 @@ class CellLava:
         """Return the budget of the lava's volume."""
         area = self.grid.resolution**2
         left, maps = read(self.state.left) * area, [self.state.thickness, self.heat.frozen]
-        held, frozen = read_parts(maps, self._part_with_lava()).sum(axis=(1, 2)) * area
+        flowing, solid = read_parts(maps, self._part_with_lava()).sum(axis=(1, 2)) * area
         return VolumeBudget(
             emitted=self.volume_before + self.vents.emitted(self.time),
-            held=float(held), pending=0.0, left=float(left.sum()), frozen=float(frozen),
-            in_holes=float(left[HOLES]), in_sea=float(left[SEA]),
+            flowing=float(flowing), solidified=float(solid), **lost_volumes(left),
         )
 
     def start_peaks(self) -> None:

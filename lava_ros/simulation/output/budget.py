@@ -3,9 +3,11 @@
 
 """Volume budget of a simulation, as text for diagnostics and for people."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
+
+from lava_ros.simulation.particles.layout import BORDER, HOLES, SEA
 
 #: Maximum fraction of the emitted volume that may be unaccounted for: guaranteed accuracy.
 VOLUME_TOLERANCE = 1e-5
@@ -43,84 +45,35 @@ def volume_key(name: str) -> str:
     return f'volume_{name}_m3'
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True)
 class VolumeBudget:
-    """Volumes of lava [m3]: emitted = flowing + solidified + lost + waiting.
+    """The ``VOLUMES`` of lava [m3]: emitted = flowing + solidified + lost + waiting.
 
-    The solvers give the sums that they keep, as arguments. Outputs have the volumes by the names
-    of ``VOLUMES``.
-
-    Attributes:
-        emitted: Volume from the vents, the exact integral of their discharge, and the volume at
-            the start of the simulation.
-        held: Volume in the simulation: the sum of the particles' volumes, and ``pending``.
-        pending: Part of ``held`` that waits in the vents' conduits, less than one particle per
-            vent (less than eight where vents emit symmetrically).
-        left: Volume that has flowed over the terrain's border, onto cells without data or into the
-            sea.
-        frozen: Volume that has solidified and become ground.
-        overdue: Part of ``pending`` that is overdue: the vents are behind.
-        in_holes: Part of ``left`` that has flowed onto cells without data.
-        in_sea: Part of ``left`` that has flowed into the sea.
-        thin: Volume on cells that lava has not reached, because it is too thin to count
-            (``Accuracy.inundation_threshold``); 0 in a budget without maps.
+    The emitted volume is the exact integral of the discharge, and the volume at the start. A
+    budget without maps has no ``thin`` volume.
     """
 
     emitted: float
-    held: float
-    pending: float
-    left: float
-    frozen: float = 0.0
+    flowing: float
+    solidified: float = 0.0
+    lost_over_border: float = 0.0
+    lost_in_no_data: float = 0.0
+    lost_in_sea: float = 0.0
+    waiting: float = 0.0
     overdue: float = 0.0
-    in_holes: float = 0.0
-    in_sea: float = 0.0
     thin: float = 0.0
-
-    def __repr__(self) -> str:
-        """Show the volumes by the names in outputs."""
-        volumes = ', '.join(f'{name}={getattr(self, name)!r}' for name in VOLUMES)
-        return f'{type(self).__name__}({volumes})'
-
-    @property
-    def error(self) -> float:
-        """Fraction of the emitted volume that is unaccounted for."""
-        missing = abs(self.emitted - self.held - self.left - self.frozen)
-        return missing / self.emitted if self.emitted > 0.0 else missing
-
-    @property
-    def flowing(self) -> float:
-        """Volume on the map that has not solidified [m3]."""
-        return self.held - self.pending
-
-    @property
-    def waiting(self) -> float:
-        """Volume that waits in the vents' conduits [m3]."""
-        return self.pending
-
-    @property
-    def solidified(self) -> float:
-        """Volume that has solidified and become ground [m3]."""
-        return self.frozen
 
     @property
     def lost(self) -> float:
         """Volume that has flowed over the border, onto cells without data or into the sea [m3]."""
-        return self.left
+        return self.lost_over_border + self.lost_in_no_data + self.lost_in_sea
 
     @property
-    def lost_over_border(self) -> float:
-        """Volume that has flowed over the terrain's border [m3]."""
-        return self.left - self.in_holes - self.in_sea
-
-    @property
-    def lost_in_no_data(self) -> float:
-        """Volume that has flowed onto cells without data [m3]."""
-        return self.in_holes
-
-    @property
-    def lost_in_sea(self) -> float:
-        """Volume that has flowed into the sea [m3]."""
-        return self.in_sea
+    def error(self) -> float:
+        """Fraction of the emitted volume that is unaccounted for."""
+        found = self.flowing + self.solidified + self.lost + self.waiting
+        missing = abs(self.emitted - found)
+        return missing / self.emitted if self.emitted > 0.0 else missing
 
     def texts(self) -> dict[str, str]:
         """Return the values of a diagnostics status, by key."""
@@ -131,15 +84,9 @@ class VolumeBudget:
     def from_texts(cls, values: Mapping[str, str]) -> 'VolumeBudget | None':
         """Parse the values that ``texts`` returns; None if one is missing or is not a number."""
         try:
-            known = {name: float(values[volume_key(name)]) for name in VOLUMES}
+            return cls(**{name: float(values[volume_key(name)]) for name in VOLUMES})
         except (KeyError, ValueError):
             return None
-        holes, sea = known['lost_in_no_data'], known['lost_in_sea']
-        return cls(
-            known['emitted'], known['flowing'] + known['waiting'], known['waiting'],
-            known['lost_over_border'] + holes + sea, known['solidified'], known['overdue'],
-            holes, sea, known['thin'],
-        )
 
     def parts(self) -> dict[str, float]:
         """Return the volumes [m3] of the rows by their labels for people."""
@@ -197,6 +144,14 @@ class VolumeBudget:
                 'a smaller spacing needs less of it for a particle'
             )
         return texts
+
+
+def lost_volumes(left: Sequence[float]) -> dict[str, float]:
+    """Return the lost volumes of a budget, by ``State.left`` [m3]."""
+    return {
+        'lost_over_border': float(left[BORDER]), 'lost_in_no_data': float(left[HOLES]),
+        'lost_in_sea': float(left[SEA]),
+    }
 
 
 def _shown(volume: float) -> str:

@@ -16,7 +16,7 @@ import warp as wp
 
 from lava_ros.scene import Terrain
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.budget import lost_volumes, VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.solidified import RaisedTerrain, THICKNESS_UNIT
@@ -111,7 +111,7 @@ def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) 
     """
     sizes = [_SUMS, 3, state.clock.size, state.counts.size, vents.outlets.released.size]
     parts = np.split(numbers, np.cumsum(sizes))
-    sums, (border, holes, sea), clock, places, released, frozen = parts
+    sums, left, clock, places, released, frozen = parts
     counts, time = places.astype(np.int64), float(clock[at.TIME])
     pending = float(vents.pending(time, released.astype(np.int32)).sum())
     return Moment(
@@ -126,13 +126,11 @@ def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) 
         ),
         budget=VolumeBudget(
             emitted=before + vents.emitted(time),
-            held=float(sums.sum()) + pending,
-            pending=pending,
-            left=float(border + holes + sea),
-            frozen=float(frozen.sum()),
-            overdue=vents.late(pending),
-            in_holes=float(holes),
-            in_sea=float(sea),
+            flowing=float(sums.sum()),
+            solidified=float(frozen.sum()),
+            **lost_volumes(left),
+            waiting=pending,
+            overdue=vents.overdue(pending),
         ),
     )
 

@@ -18,7 +18,7 @@ from lava_ros.scene import Scene
 from lava_ros.scene.vents import match_vents
 from lava_ros.simulation.backend.threads import is_alone
 from lava_ros.simulation.batch import Batch, current_batch
-from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.budget import lost_volumes, VolumeBudget
 from lava_ros.simulation.output.checkpoint import Checkpoint, joined
 from lava_ros.simulation.output.checkpoint_contents import (
     capacity_for,
@@ -434,12 +434,13 @@ class ParticleSolver(ParticleLava):
     def _saved_budget(self, checkpoint: Checkpoint) -> VolumeBudget:
         """Return the budget of a checkpoint, without reading the device."""
         arrays, time = checkpoint.arrays, checkpoint.time
-        pending = float(self.vents.pending(time).sum())
         placed = arrays.get('solidified.placed')
         return VolumeBudget(
             emitted=self.volume_before + self.vents.emitted(time),
-            held=float(arrays['state.particle'][:, 2].sum(dtype=np.float64)) + pending,
-            pending=pending,
-            left=float(arrays['state.left'].sum()),
-            frozen=0.0 if placed is None else volume_of(placed, self.scene.terrain.resolution),
+            flowing=float(arrays['state.particle'][:, 2].sum(dtype=np.float64)),
+            solidified=(
+                0.0 if placed is None else volume_of(placed, self.scene.terrain.resolution)
+            ),
+            waiting=float(self.vents.pending(time).sum()),
+            **lost_volumes(arrays['state.left']),
         )

@@ -333,7 +333,7 @@ class VentSet(OpenVents):
         released = released[: len(self.vents)]
         return self._before.volume + self.volumes(time) - released * self._particle_volume
 
-    def late(self, pending: float) -> float:
+    def overdue(self, pending: float) -> float:
         """Return the part of the pending volume [m3] that is overdue."""
         usual = sum(self._groups) * self._particle_volume * (1.0 + _ROUNDING)
         return pending - usual if pending > usual else 0.0

@@ -61,8 +61,8 @@ def check_equal(found, expected, *, tolerance=2e-3):
     # in a cell that lava has only touched, rounding may decide
     assert (np.isfinite(found.arrived) != np.isfinite(expected.arrived)).sum() <= 4
     np.testing.assert_array_equal(np.isnan(found.thickness), np.isnan(expected.thickness))
-    assert found.budget.left == pytest.approx(expected.budget.left, rel=0.01, abs=1e-6)
-    assert found.budget.frozen == pytest.approx(expected.budget.frozen, rel=0.01, abs=1e-6)
+    assert found.budget.lost == pytest.approx(expected.budget.lost, rel=0.01, abs=1e-6)
+    assert found.budget.solidified == pytest.approx(expected.budget.solidified, rel=0.01, abs=1e-6)
 
 
 @pytest.mark.parametrize('names', SETS.values(), ids=SETS)

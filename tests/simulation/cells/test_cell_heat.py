@@ -329,7 +329,7 @@ def test_volume_of_lava_that_cools_on_a_volcano_is_exact():
     simulation = Simulation(scene, accuracy=accuracy, device='cpu', horizon=43200.0)
     simulation.advance(43200.0)
     snapshot, columns = simulation.snapshot(), simulation.solver.columns()
-    assert snapshot.budget.frozen > 0.0
+    assert snapshot.budget.solidified > 0.0
     assert columns.thickness.min() >= 0.0
     wet = columns.thickness > 1e-6
     assert columns.temperature[wet].min() >= scene.lava.solidus

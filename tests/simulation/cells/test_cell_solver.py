@@ -55,7 +55,7 @@ def test_vents_emit_the_integral_of_their_rates():
         assert budget.emitted == pytest.approx(expected, rel=1e-12)
     snapshot = simulation.snapshot()
     volume = np.nansum(snapshot.thickness, dtype=float) * 25.0
-    assert volume == pytest.approx(budget.held, rel=1e-6)
+    assert volume == pytest.approx(budget.flowing, rel=1e-6)
 
 
 FREEZING = only('steep', 'arrhenius', 'cooling', 'solidification')
@@ -70,7 +70,7 @@ def test_bare_simulations_share_the_ground_until_lava_solidifies():
     )
     former.advance(600.0)
     freezing.advance(600.0)
-    assert freezing.budget().frozen > 0.0
+    assert freezing.budget().solidified > 0.0
     first.advance(600.0)
     np.testing.assert_array_equal(former.snapshot().thickness, first.snapshot().thickness)
     second.set_effects(dict.fromkeys(EFFECTS, False) | dict.fromkeys(FREEZING, True))
@@ -110,8 +110,8 @@ def check_sums(simulation):
     """Check budget and count against the whole maps."""
     state, heat, area = simulation.solver.state, simulation.solver.heat, 25.0
     thickness, budget = state.thickness.numpy(), simulation.budget()
-    assert budget.held == pytest.approx(thickness.sum() * area, rel=1e-14)
-    assert budget.frozen == pytest.approx(heat.frozen.numpy().sum() * area, rel=1e-14)
+    assert budget.flowing == pytest.approx(thickness.sum() * area, rel=1e-14)
+    assert budget.solidified == pytest.approx(heat.frozen.numpy().sum() * area, rel=1e-14)
     assert simulation.particle_count == (thickness > simulation.solver._film).sum()
 
 
@@ -159,7 +159,7 @@ def test_lava_in_cells_partly_without_data_is_on_the_map():
     for place in ((0.0, 0.0), (52.0, 0.0)):
         simulation = simulated(terrain, Vent(place, 20.0, radius=5.0), spacing=10.0)
         simulation.advance(5.0)
-        assert simulation.snapshot().budget.held > 50.0
+        assert simulation.snapshot().budget.flowing > 50.0
 
 
 def test_narrow_vent_is_as_wide_as_a_cell():
@@ -237,7 +237,7 @@ def test_lava_at_the_start_keeps_its_volume_and_temperature():
     simulation = simulated(
         slope(), particles=Particles(places, 7.0, 1250.0), thickness=1.0, spacing=5.0
     )
-    assert simulation.budget().held == pytest.approx(3500.0, rel=1e-12)
+    assert simulation.budget().flowing == pytest.approx(3500.0, rel=1e-12)
     simulation.advance(100.0)
     assert set(simulation.sample().temperature) == {1250.0}
 
@@ -389,5 +389,5 @@ def test_launch_takes_no_more_steps_after_its_lava_has_frozen():
     # a launch could take them all
     simulation.solver._steps_at_once = 10**6
     simulation.advance(4e5)
-    assert simulation.budget().frozen == pytest.approx(20.0, rel=1e-12)
+    assert simulation.budget().solidified == pytest.approx(20.0, rel=1e-12)
     assert simulation.solver.steps < 500
