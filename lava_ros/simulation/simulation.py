@@ -55,7 +55,6 @@ class Simulation:
     invalidate a CUDA graph during its capture.
 
     Attributes:
-        accuracy: The resolution, with all automatic values filled in.
         step: Length of the latest step [s]; after ``advance`` with ``whole_steps`` that of the
             next one, if it has not begun because it would end too late.
     """
@@ -108,10 +107,10 @@ class Simulation:
         self._is_interrupted = False
         used = device_of(device, given.method)
         self._choice = EffectChoice(effects, horizon)
-        self.accuracy = resolved_accuracy(given, scene, self._choice.all_forced(), horizon=horizon)
-        chosen = self._choice.first(scene, self.accuracy)
+        accuracy = resolved_accuracy(given, scene, self._choice.all_forced(), horizon=horizon)
+        chosen = self._choice.first(scene, accuracy)
         with naming_the_cause(scene, given):
-            self._solver = SOLVERS[self.accuracy.method](scene, chosen, self.accuracy, used)
+            self._solver = SOLVERS[accuracy.method](scene, chosen, accuracy, used)
 
     @property
     def solver(self) -> Solver:
@@ -131,6 +130,11 @@ class Simulation:
     def scene(self) -> Scene:
         """The current scene."""
         return self.solver.scene
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """The resolution that is used, without automatic values."""
+        return self._solver.accuracy
 
     @property
     def effects(self) -> Effects:

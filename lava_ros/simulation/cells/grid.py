@@ -9,12 +9,9 @@ import math
 import numpy as np
 
 from lava_ros.scene import Terrain
-from lava_ros.simulation.cells import cell_size
+from lava_ros.simulation.cells.cell_size import doublings_of
 from lava_ros.simulation.particles.terrain import averaged
 from lava_ros.simulation.setup.coarse_ground import halve_ground, subdivide_ground
-
-#: The doublings that give the grid its cells.
-doublings_of = cell_size.doublings_of
 
 
 @lru_cache(maxsize=2)

@@ -4,7 +4,7 @@
 """The lava of a simulation on cells: its arrays, and what others read of them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import Any
 
@@ -17,10 +17,10 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import bytes_per_cell, read, read_parts
+from lava_ros.simulation.cells.cell_size import doublings_of
 from lava_ros.simulation.cells.covered import Covered
 from lava_ros.simulation.cells.grid import (
     cells_under,
-    doublings_of,
     fraction_with_data,
     grid_of,
     on_terrain,
@@ -144,6 +144,8 @@ class CellLava:
         terrain = self.scene.terrain
         assert self.accuracy.spacing is not None
         self.grid = grid_of(terrain, self.accuracy.spacing)
+        # the nearest to that of the former terrain
+        self.accuracy = replace(self.accuracy, spacing=self.grid.resolution)
         self._fraction_with_data = fraction_with_data(terrain, self.grid)
         lava = self.scene.lava
         self.state = CellState.on(

@@ -285,6 +285,7 @@ def test_spacing_in_outputs_follows_a_replaced_terrain():
     )
     assert found.limit == 'measured'
     assert simulation.solver.grid.resolution == found.spacing == 1.75
+    assert simulation.accuracy.spacing == simulation.checkpoint().accuracy.spacing == 1.75
 
 
 @pytest.mark.parametrize(('shape', 'cell', 'knobs', 'message'), [
@@ -313,7 +314,7 @@ def test_terrain_remains_if_the_next_one_is_refused():
         simulation.set_terrain(Terrain(np.zeros((40, 40)), 5000.0, origin=(-1e5, -1e5)))
     simulation.advance(200.0)
     budget = simulation.budget()
-    assert simulation.scene.terrain.shape == (60, 60)
+    assert simulation.scene.terrain.shape == (60, 60) and simulation.accuracy.spacing == 5.0
     assert budget.emitted == pytest.approx(2000.0) and budget.error < 1e-12
 
 
