@@ -115,7 +115,7 @@ def test_repeated_error_is_logged_once():
 
 
 LONG = {'current_task': 'a step', 'task_duration': 3.25, 'waiting': ('reset', 'snapshot')}
-LOST = {'held': 5.0, 'left': 5.0, 'in_holes': 4.0}
+LOST = {'flowing': 4.5, 'lost_over_border': 1.0, 'lost_in_no_data': 4.0}
 
 
 @pytest.mark.parametrize(
