@@ -217,7 +217,7 @@ class Effect:
 
     @property
     def thickness_cost(self) -> float:
-        """The same for the mean thickness, such as the height of a dome."""
+        """Largest fraction of the mean thickness that changes, such as the height of a dome."""
         return self.extent_error + thickness_change(self.speed_error)
 
     @property

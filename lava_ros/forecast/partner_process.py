@@ -38,7 +38,7 @@ class PartnerRuns(RequestLoop):
         return time.process_time()
 
     def measure(self, share: float, **run: Any) -> None:
-        """Begin to measure; ``run`` has the arguments of ``partner_runs.measuring``."""
+        """Start a measurement; ``run`` has the arguments of ``partner_runs.measuring``."""
         self.share(share)
         self._running = measuring(clock=self.clock, **run)
 

@@ -47,7 +47,7 @@ class Pool(Generic[Job, Result]):
                 idle = (item for item in self._processes if item not in running)
                 process = next(idle, None) or self._start()
                 running[process] = job = waiting.popleft()
-                # the reply tells why it has ended
+                # `reply` raises the error that says why the process has ended
                 with suppress(ChildProcessError):
                     process.request('run', job=jobs[job])
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The child's end of its connection: what the parent sends, and the end of the parent."""
+"""The child's end of its connection to the parent: a thread that receives, or ends the child."""
 
 from collections.abc import Callable
 import os
@@ -14,7 +14,7 @@ ItemT = TypeVar('ItemT')
 
 
 def receive_in_thread(receive: Callable[[], ItemT], items: 'SimpleQueue[ItemT]') -> None:
-    """Put what the parent sends into a queue, in a thread.
+    """Receive the parent's requests in a thread, and put them into a queue.
 
     This process ends when the parent has closed the connection, even in the middle of its work.
 

@@ -3,7 +3,7 @@
 
 """The lava of a simulation on cells: its arrays, and what others read of them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 import math
 from typing import Any
@@ -144,7 +144,7 @@ class CellLava:
         terrain = self.scene.terrain
         assert self.accuracy.spacing is not None
         self.grid = grid_of(terrain, self.accuracy.spacing)
-        # the nearest to that of the former terrain
+        # on another terrain the cells have the size that is nearest to the former one
         self.accuracy = replace(self.accuracy, spacing=self.grid.resolution)
         self._fraction_with_data = fraction_with_data(terrain, self.grid)
         lava = self.scene.lava
@@ -171,7 +171,8 @@ class CellLava:
         whole = slice(0, rows), slice(0, columns)
         solid = None
         if not self._is_bare:
-            (solid,) = self._read_on_terrain([self.heat.frozen], whole)
+            (frozen,) = read_parts([self.heat.frozen], self._cells_under(whole))
+            solid = self._on_terrain(frozen, whole)
         self.covered.move(terrain, solid, self.accuracy.inundation_threshold)
         self.covered.attach(self._maps)
 
@@ -192,7 +193,7 @@ class CellLava:
         return Columns(*(_inner(array).copy() for array in arrays))
 
     def start_bare(self) -> None:
-        """Begin without lava and solidified lava, in new arrays."""
+        """Prepare new arrays for a start without flowing or solidified lava."""
         #: Temperatures of the lava [K], and the window in which it is.
         self._temperatures: set[float] = set()
         self._lava_box = np.array([0, -1, 0, -1], dtype=np.int32)
@@ -232,7 +233,7 @@ class CellLava:
 
     def _warm(self, temperature: np.ndarray | float) -> None:
         """Write temperature [K], a map or a number, and viscosity and yield strength by it."""
-        #: What has been written, if it is a number.
+        #: The latest temperature of all cells [K]; None if they differ.
         self._warmth = temperature if isinstance(temperature, float) else None
         rheology, state = Rheology(self.scene.lava, self.effects), self.state
         _fill(self.heat.temperature, temperature)
@@ -296,10 +297,9 @@ class CellLava:
             values = values / self._fraction_with_data[cells_under(part, grid, terrain)]
         return on_terrain(values, grid, terrain, part)
 
-    def _read_on_terrain(self, maps: Sequence[Any], part: Part) -> list[np.ndarray]:
-        """Copy some of the terrain's cells of maps that hold volumes per area."""
-        cells = within_ring(cells_under(part, self.grid, self.scene.terrain))
-        return [self._on_terrain(values, part) for values in read_parts(maps, cells)]
+    def _cells_under(self, part: Part) -> Part:
+        """Return rows and columns of maps with their ring, under some of the terrain's cells."""
+        return within_ring(cells_under(part, self.grid, self.scene.terrain))
 
     def draw_maps(self) -> Any:
         """Write and return ``grids``."""
@@ -308,8 +308,7 @@ class CellLava:
         part = self.window.rectangle(self._maps)
         heat, terrain = self.heat, self.scene.terrain
         thickness, temperature, frozen = read_parts(
-            [self.state.thickness, heat.temperature, heat.frozen],
-            within_ring(cells_under(part, self.grid, terrain)),
+            [self.state.thickness, heat.temperature, heat.frozen], self._cells_under(part)
         )
         flowing, solid, warmth = (
             self._on_terrain(values, part)
@@ -385,8 +384,7 @@ class CellLava:
             part = self.window.rectangle(self._maps)
         terrain = self.scene.terrain
         thickness, temperature = self.peaks.on_terrain(
-            lambda values: self._on_terrain(values, part),
-            within_ring(cells_under(part, self.grid, terrain)),
+            lambda values: self._on_terrain(values, part), self._cells_under(part)
         )
         # 0 K is lava that was solid throughout
         warm = np.where(temperature > 0.0, temperature, self.scene.lava.solidus)

@@ -3,9 +3,8 @@
 
 """Spans of the rows of a window that a step visits: two cells beyond lava and vents.
 
-A flow down a mountain fills a small part of the rectangle around it. On a CPU each row has its own
-first and last column; beyond them nothing moves. On a GPU, whose threads wait for the longest row,
-they are those of the window.
+A flow down a mountain fills a small part of the rectangle around it. Each row has its own first
+and last column; beyond them nothing moves.
 """
 
 from functools import lru_cache

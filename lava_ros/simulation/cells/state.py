@@ -184,9 +184,9 @@ class CellState:
             float64, shape [3].
         gone: The same of a row in the latest step, float64, shape [3 rows].
         slots: Maxima of a step and of the one before, int32, shape [32], on a GPU.
-        ground: What owns the faces by the bare ground that simulations share.
         spans: First and last column of a row that the lava can reach in the latest step, and the
-            same that have lava (``spans.py``), int32, shape [4 rows], on a CPU.
+            same that have lava (``spans.py``), int32, shape [4 rows].
+        ground: Owner of the faces by the bare ground, which simulations share.
     """
 
     terrain: Terrain

@@ -4,8 +4,8 @@
 """Threads of a step on cells: one on a CPU, and on a GPU those of all blocks of a world.
 
 The C++ of a step has loops over the rows and columns of a window. On a CPU one thread takes all of
-them, in loops that the compiler vectorises. On a GPU a world has a block or a cluster of blocks:
-each block has a band of rows, and each row of it a warp, or more if there are more warps than
+them, in loops that the compiler vectorises. On a GPU a world has a block or a cluster of blocks.
+Each block has a band of rows, and each row of it a warp, or more if there are more warps than
 rows.
 """
 
@@ -92,7 +92,7 @@ SLOTS = """
 #: Number of the maximum of the heat: 1 if any lava is colder than the solidus.
 COLDEST = 15
 
-#: Clears them; ``WHICH`` is ``slots``, or ``others``: those of the step before.
+#: Clears the maxima. ``WHICH`` is ``slots``, or ``others``, those of the preceding step.
 CLEAR = """
 #if defined(__CUDA_ARCH__)
     if (rank == 0 && threadIdx.x < 16) WHICH[threadIdx.x] = 0;

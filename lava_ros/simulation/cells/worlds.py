@@ -286,8 +286,8 @@ class _Mirror:
 class CellGroup:
     """Members of a batch (``simulation/batch.py``) whose steps run the same kernel, one row each.
 
-    Launches have a stream of their own. What the host does meanwhile for members that have arrived
-    does not wait for it: such launches only read the clocks of these members.
+    Launches have a stream of their own, so that members that have arrived need not wait for it.
+    Launches in flight only read the clocks of these members.
 
     Attributes:
         rounds_at_once: Number of launches in flight.

@@ -70,7 +70,8 @@ def memory(process):
     [
         (lose_device, ['RuntimeError: device lost']),
         pytest.param(
-            break_position, ['not a number', 'lost_in_no_data=nan'], marks=pytest.mark.spoils_volume
+            break_position, ['not a number', 'lost_in_no_data=nan'],
+            marks=pytest.mark.spoils_volume,
         ),
     ],
 )
