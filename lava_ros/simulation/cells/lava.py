@@ -233,8 +233,12 @@ class CellLava:
 
     def _warm(self, temperature: np.ndarray | float) -> None:
         """Write temperature [K], a map or a number, and viscosity and yield strength by it."""
+        first = float(np.ravel(temperature)[0])
+        is_uniform = bool(np.all(temperature == first))
+        # a number instead of a map needs no search for its different values
+        temperature = first if is_uniform else temperature
         #: The latest temperature of all cells [K]; None if they differ.
-        self._warmth = temperature if isinstance(temperature, float) else None
+        self._warmth = first if is_uniform else None
         rheology, state = Rheology(self.scene.lava, self.effects), self.state
         _fill(self.heat.temperature, temperature)
         found, which = np.unique(np.float32(temperature), return_inverse=True)
