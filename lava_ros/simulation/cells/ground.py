@@ -10,7 +10,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Terrain
-from lava_ros.simulation.backend.memory import shared_array, shared_object, zeros
+from lava_ros.simulation.backend.memory import ArrayBlock, shared_array, shared_object
 from lava_ros.simulation.cells.spans import WITHIN
 from lava_ros.simulation.cells.state import Cells, CellState, FACES, Heat
 from lava_ros.simulation.cells.threads import shared, THREADS
@@ -109,22 +109,20 @@ class _BareFaces:
 
     def __init__(self, terrain: Terrain, factor: Any, device: str) -> None:
         shape = tuple(number + 2 for number in terrain.shape)
-        maps = dict.fromkeys(FACES, (wp.float32, shape))
-        self.arrays = zeros({**maps, 'frozen': (wp.float64, shape)}, device)
+        self.block = ArrayBlock(dict.fromkeys(FACES, (wp.float32, shape)), device)
         cells, heat = Cells(), Heat()
         (cells.rows, cells.stride), cells.cell = shape, terrain.resolution
         heat.elevation = shared_array(ringed_heights, terrain, wp.float64, device)
-        heat.frozen = self.arrays.pop('frozen')
-        for name, array in self.arrays.items():
-            setattr(cells, name, array)
-        _lay(cells, heat, factor)
+        heat.frozen = wp.zeros(shape, dtype=wp.float64, device=device)
+        for name in FACES:
+            setattr(cells, name, self.block[name])
+        _lay(cells, heat, factor, device)
 
 
-def _lay(cells: Any, heat: Any, factor: Any) -> None:
-    device = heat.elevation.device
+def _lay(cells: Any, heat: Any, factor: Any, device: Any) -> None:
     wp.launch(
-        _ground_kernel(factor), dim=THREADS if device.is_cuda else 1, block_dim=THREADS,
-        inputs=[cells, heat], device=device,
+        _ground_kernel(factor), dim=THREADS if wp.get_device(device).is_cuda else 1,
+        block_dim=THREADS, inputs=[cells, heat], device=device,
     )
 
 
@@ -142,9 +140,10 @@ def lay_ground(
     factor = effects.function('factor', wp.float32)
     bare = shared_object(_BareFaces, state.terrain, factor, str(state.device))
     is_shared = is_bare and not effects.any('freezes')
-    for name, array in bare.arrays.items():
-        # steps write to them where lava solidifies
-        setattr(state, name, array if is_shared else wp.clone(array))
+    # steps write to them where lava solidifies
+    block = bare.block if is_shared else bare.block.copy()
+    for name in FACES:
+        setattr(state, name, block[name])
     state.ground = bare
     if not is_bare:
-        _lay(state.argument(), heat.argument(), factor)
+        _lay(state.argument(), heat.argument(), factor, state.device)

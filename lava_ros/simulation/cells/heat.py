@@ -3,30 +3,29 @@
 
 """Temperature and age of the lava on cells, and the ground that it has become."""
 
-from dataclasses import dataclass, fields
 import math
 from typing import Any
 
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.effects.heat import heat_of, warming_function
-from lava_ros.effects.laws import law_of
+from lava_ros.effects.heat import heat_values, warming_function
+from lava_ros.effects.laws import law_values
 from lava_ros.scene import Scene
-from lava_ros.simulation.backend.memory import shared_array
-from lava_ros.simulation.cells.state import CellState, EDGE, Heat, maps_of
+from lava_ros.simulation.backend.memory import ArrayBlock, shared_array
+from lava_ros.simulation.cells.state import CellState, EDGE, Heat, KernelState, layout_of
 from lava_ros.simulation.particles.terrain import ringed_heights
 
 _REAL = wp.float32
 
 
-@dataclass(eq=False)
-class HeatState:
+class HeatState(KernelState):
     """Temperature and age of the lava on cells, and the ground that it has become.
 
     Attributes:
-        law: Constants of the laws of flow.
-        constants: Constants of the heat balance.
+        block: The arrays of this state alone.
+        law: Constants of the laws of flow, by name.
+        constants: Constants of the heat balance, by name.
         diffusivity: Thermal diffusivity of lava [m2/s], with ``conduction``.
         emerging: Minimum thickness of the columns that lava forms as it comes out of a vent [m].
         temperature: Temperature [K], float64, a map.
@@ -41,10 +40,7 @@ class HeatState:
         cold: 1 for rows with lava that has become colder than the solidus, int32, shape [rows].
     """
 
-    law: Any
-    constants: Any
-    diffusivity: float
-    emerging: float
+    STRUCT = Heat
     temperature: Any
     emission_time: Any
     vent_temperature: Any
@@ -52,15 +48,13 @@ class HeatState:
     warming: Any
     renewal: Any
     descent: Any
-    elevation: Any
     frozen: Any
     cold: Any
 
-    @classmethod
-    def on(
-        cls, cells: CellState, scene: Scene, effects: Effects, thickness: float
-    ) -> 'HeatState':
-        """Return the state without lava, whose temperature is 0.
+    def __init__(
+        self, cells: CellState, scene: Scene, effects: Effects, thickness: float
+    ) -> None:
+        """Allocate without lava; the temperature is 0.
 
         Args:
             cells: State of the flow.
@@ -68,29 +62,23 @@ class HeatState:
             effects: The effects that are on.
             thickness: Expected thickness of the flow [m].
         """
-        shape, lava = cells.thickness.shape, scene.lava
-        elevation = shared_array(ringed_heights, cells.terrain, wp.float64, cells.device)
-        arrays = maps_of(
-            Heat, shape, cells.device, {'cold': shape[0]}, {'elevation': elevation}
-        )
-        diffusivity = 0.0
+        self.emerging = EDGE * thickness
+        self.elevation = shared_array(ringed_heights, cells.terrain, wp.float64, cells.device)
+        layout = layout_of(Heat, (cells.rows, cells.stride), ('elevation',), cold=cells.rows)
+        self.block = ArrayBlock(layout, cells.device)
+        self.set_constants(scene, effects)
+
+    def set_constants(self, scene: Scene, effects: Effects) -> None:
+        """Take the constants of a scene and of the effects that are on."""
+        lava = scene.lava
+        self.law, self.constants = law_values(lava), heat_values(scene, tuple(effects))
+        self.diffusivity = 0.0
         if 'conduction' in effects:
-            diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
-        return cls(
-            law_of(lava, _REAL), heat_of(scene, effects, _REAL), diffusivity, EDGE * thickness,
-            **arrays,
-        )
+            self.diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
 
     def longest_step(self, cell: float) -> float:
         """Return the longest step in which a cell [m] conducts at most half of its heat [s]."""
         return math.inf if self.diffusivity == 0.0 else cell**2 / (8.0 * self.diffusivity)
-
-    def argument(self, heat: Any = None) -> Any:
-        """Return the argument of functions: ``heat``, or a new one."""
-        heat = heat or Heat()
-        for item in fields(self):
-            setattr(heat, item.name, getattr(self, item.name))
-        return heat
 
 
 def hottest_of(scene: Scene) -> float:

@@ -148,21 +148,17 @@ class CellLava:
         self.accuracy = replace(self.accuracy, spacing=self.grid.resolution)
         self._fraction_with_data = fraction_with_data(terrain, self.grid)
         lava = self.scene.lava
-        self.state = CellState.on(
+        self.state = CellState(
             self.grid, self.device, lava=lava, weight=lava.density * self.scene.gravity,
             film=self._film,
         )
-        self.heat = self.new_heat()
-        self.peaks = CellPeaks(self.state.thickness.shape, self.device)
+        assert self.accuracy.thickness is not None
+        self.heat = HeatState(self.state, self.scene, self.effects, self.accuracy.thickness)
+        self.peaks = CellPeaks((self.state.rows, self.state.stride), self.device)
         self._grids: Any = None
         self.window = Window(terrain.shape, 2)
         self._known = known_on(terrain, self.device)
         self._rows_with_vents = 0
-
-    def new_heat(self) -> HeatState:
-        """Return the heat of the grid, without lava, for the current scene and effects."""
-        assert self.accuracy.thickness is not None
-        return HeatState.on(self.state, self.scene, self.effects, self.accuracy.thickness)
 
     def _cover(self) -> None:
         """Continue to record what lava covers on the cells of the terrain."""

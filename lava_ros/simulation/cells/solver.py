@@ -39,9 +39,10 @@ from lava_ros.simulation.cells.worlds import (
     CellGroup,
     CLOCK,
     COUNTS,
+    PackedWorld,
     THICKEST,
     World,
-    Worlds,
+    worlds_alone,
 )
 from lava_ros.simulation.output.checkpoint import Checkpoint, joined
 from lava_ros.simulation.output.checkpoint_contents import (
@@ -52,7 +53,6 @@ from lava_ros.simulation.output.checkpoint_contents import (
 from lava_ros.simulation.output.snapshot import check_places, Particles, ParticleSample
 from lava_ros.simulation.particles.layout import (
     BORDER,
-    CELL_MAPS,
     centre_of,
     fitting,
     HOLES,
@@ -105,7 +105,6 @@ class CellSolver(CellLava):
             raise LavaError('mobility_limit', accuracy.mobility_limit, expected)
         super().__init__(scene, effects, accuracy, device)
         self._end, self._steps_at_once = math.inf, 16
-        self._worlds: Worlds | None = None
         self._world: Any = None
         self._is_heated = self._is_due = False
 
@@ -196,21 +195,21 @@ class CellSolver(CellLava):
             (temperature,) = self._temperatures
             if temperature != self._warmth:
                 self._warm(temperature)
-        self._world = world = World()
-        self.state.argument(world.flow)
-        self.heat.argument(world.heat)
-        world.highest, covered = self.peaks.highest, world.covered
+        world = World.ctype()
+        parts = {'flow': self.state, 'heat': self.heat, 'highest': self.peaks}
+        for name, part in parts.items():
+            part.write(getattr(world, name))
+        covered = world.covered
         covered.rows, covered.columns = self.scene.terrain.shape
         covered.scale = self.scene.terrain.resolution / self.grid.resolution
         covered.threshold = self.accuracy.inundation_threshold
-        covered.known = self._known
-        for name in CELL_MAPS:
-            setattr(covered, name, getattr(self.covered.maps, name))
+        maps = {'known': self._known, **vars(self.covered.maps)}
+        for name, array in maps.items():
+            setattr(covered, name, array.__ctype__())
+        self._world = PackedWorld(world, (*parts.values(), maps))
         cell = self.grid.resolution
         own = longest_step(self.scene, self.accuracy, self.effects, cell)
         self._longest_step = min(own, self.heat.longest_step(cell))
-        if self._worlds is not None:
-            self._worlds.put(0, self._world)
 
     def advancing_to(
         self, until: float, end: float | None, deadline: float, max_end: float = math.inf
@@ -263,12 +262,11 @@ class CellSolver(CellLava):
         """Take at most some steps by a clock, and read where they ended; 0 records the lava."""
         if (batch := current_batch()) is not None:
             batch.wait_for_launches()
-        if self._worlds is None:
-            self._worlds = Worlds(1, self.device)
-            self._worlds.put(0, self._world)
-        self._worlds.order(0, clock, self._reached, self._is_due)
+        worlds = worlds_alone(self.device)
+        worlds.put(0, self._world)
+        worlds.order(0, clock, self._reached, self._is_due)
         self._is_due = False
-        self._read(self._worlds.launch([0], self.effects, self._is_heated, steps)()[0])
+        self._read(worlds.launch([0], self.effects, self._is_heated, steps)()[0])
 
     def _read(self, report: np.ndarray) -> None:
         """Take clock, counts and thickest lava from a report."""
@@ -306,9 +304,7 @@ class CellSolver(CellLava):
         if effects.any('needs_age') and not needed_age:
             # ages count from now
             lava.emission_time[:] = self.time
-        constants = self.new_heat()
-        self.heat.law, self.heat.constants = constants.law, constants.constants
-        self.heat.diffusivity = constants.diffusivity
+        self.heat.set_constants(self.scene, effects)
         self.put(lava)
         self._is_set, self._world = False, None
 

@@ -30,8 +30,7 @@ Cells with ``kind`` > 0 are outside of the ground: lava that enters leaves the s
 volume is added to ``left``.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -41,7 +40,7 @@ from lava_ros.effects.column import structure
 from lava_ros.effects.heat import heat_type
 from lava_ros.effects.laws import filled, law_type, law_values
 from lava_ros.scene import Lava, Terrain
-from lava_ros.simulation.backend.memory import shared_array, zeros
+from lava_ros.simulation.backend.memory import ArrayBlock, shared_array
 from lava_ros.simulation.particles.layout import BORDER, HOLES, SEA
 
 #: Items of ``clock``, in s: time, and length of the latest step; time that no step may pass,
@@ -130,33 +129,72 @@ class Heat:
     cold: wp.array(dtype=wp.int32)
 
 
-def maps_of(
-    kind: Any, shape: tuple[int, int], device: Any, sizes: Mapping[str, int],
-    shared: dict[str, Any],
-) -> dict[str, Any]:
-    """Return the arrays of a struct: the ``shared`` ones, and zeros for all others.
+@lru_cache(maxsize=64)
+def layout_of(
+    kind: Any, shape: tuple[int, int], without: tuple[str, ...] = (), **sizes: int
+) -> dict[str, tuple[Any, tuple[int, ...]]]:
+    """Return type and shape of the arrays of a struct, by name, for ``ArrayBlock``.
 
-    Those are maps of a shape, or have one of the ``sizes``.
+    They are maps of a shape, or have one of the ``sizes``; others have those ``without``.
     """
-    types = {
-        name: item.type for name, item in kind.vars.items()
-        if isinstance(item.type, wp.array) and name not in shared
+    return {
+        name: (item.type.dtype, (sizes[name],) if name in sizes else shape)
+        for name, item in kind.vars.items()
+        if isinstance(item.type, wp.array) and name not in without
     }
-    shapes = {name: (sizes[name],) if name in sizes else shape for name in types}
-    return shared | zeros({name: (types[name].dtype, shapes[name]) for name in types}, device)
 
 
-@dataclass(eq=False)
-class CellState:
+class KernelState:
+    """Arrays and constants of a struct of kernels, as attributes of the same names.
+
+    Attributes:
+        STRUCT: The Warp struct.
+        block: The arrays. Each becomes an attribute when it is first used; others can replace it.
+    """
+
+    STRUCT: Any
+    block: ArrayBlock
+
+    def __getattr__(self, name: str) -> Any:
+        """Return an array of the block."""
+        if name == 'block' or name not in self.block:
+            raise AttributeError(f'{type(self).__name__} has no {name}')
+        array = self.block[name]
+        setattr(self, name, array)
+        return array
+
+    def write(self, target: Any) -> None:
+        """Write all to a C struct of kernels."""
+        own = vars(self)
+        for name in self.STRUCT.vars:
+            value = own.get(name)
+            if value is None:
+                self.block.describe(name, target)
+            elif isinstance(value, dict):
+                filled(getattr(target, name), value)
+            else:
+                setattr(target, name, value.__ctype__() if wp.types.is_array(value) else value)
+
+    def argument(self) -> Any:
+        """Return the argument of kernels."""
+        struct = self.STRUCT()
+        self.write(struct.__ctype__())
+        return struct
+
+
+class CellState(KernelState):
     """Lava on the cells of a terrain, on a device.
 
     Attributes:
+        block: The arrays of this state alone.
         terrain: The ground without lava.
         cell: Side of a cell [m].
         weight: Density times gravity [N/m3].
         film: Thickness below which lava does not flow [m].
-        law: Constants of the laws of flow.
+        law: Constants of the laws of flow, by name (``FaceLaw``).
         device: The Warp device.
+        rows, stride: Shape of the maps.
+        kind: 0 for ground, and 1 + ``BORDER``, ``HOLES`` or ``SEA``, uint8, a map.
         thickness: Vertical thickness [m], float64, a map.
         stage: Thickness at a stage of a step [m], float32, a map; may be negative there.
         drop_x, drop_y: Elevation of the ground of a cell minus that of the next one [m], float32,
@@ -175,7 +213,6 @@ class CellState:
             at the start of the step [m/s], float32, maps of faces.
         mobility_x, mobility_y, held_x, held_y: Constants of the faces in a step (``flow.py``),
             float32, maps of faces.
-        kind: 0 for ground, and 1 + ``BORDER``, ``HOLES`` or ``SEA``, uint8, a map.
         box: First and last row, first and last column of the window, int32, shape [4].
         clock: Times (``TIME`` and following), float64, shape [9].
         counts: Counts (``STEPS`` and following), int32, shape [4].
@@ -189,12 +226,7 @@ class CellState:
         ground: Owner of the faces by the bare ground, which simulations share.
     """
 
-    terrain: Terrain
-    cell: float
-    weight: float
-    film: float
-    law: Any
-    device: Any
+    STRUCT = Cells
     thickness: Any
     stage: Any
     drop_x: Any
@@ -216,7 +248,6 @@ class CellState:
     held_y: Any
     first_x: Any
     first_y: Any
-    kind: Any
     box: Any
     vent_box: Any
     clock: Any
@@ -226,13 +257,11 @@ class CellState:
     gone: Any
     slots: Any
     spans: Any
-    ground: Any = None
 
-    @classmethod
-    def on(
-        cls, terrain: Terrain, device: Any, *, lava: Lava, weight: float, film: float
-    ) -> 'CellState':
-        """Return the state of a terrain without lava, at time 0; the faces have no ground yet.
+    def __init__(
+        self, terrain: Terrain, device: Any, *, lava: Lava, weight: float, film: float
+    ) -> None:
+        """Allocate for a terrain without lava, at time 0; the faces have no ground yet.
 
         Args:
             terrain: The ground.
@@ -241,26 +270,15 @@ class CellState:
             film: Thickness below which lava does not flow [m].
             lava: The material.
         """
-        rows, columns = terrain.shape
-        shape = rows + 2, columns + 2
-        sizes = {
-            'box': 4, 'vent_box': 4, 'clock': 9, 'counts': 4, 'peaks': 2, 'left': 3,
-            'gone': 3 * shape[0], 'slots': 32, 'spans': 4 * shape[0],
-        }
-        kind = shared_array(_kinds, terrain, wp.uint8, device)
-        faces: dict[str, Any] = dict.fromkeys(FACES)
-        arrays = maps_of(Cells, shape, device, sizes, {'kind': kind, **faces})
-        law = filled(FaceLaw(), law_values(lava))
-        return cls(terrain, terrain.resolution, weight, film, law, device, **arrays)
-
-    def argument(self, cells: Any = None) -> Any:
-        """Return the argument of kernels: ``cells``, or a new one."""
-        cells = cells or Cells()
-        cells.rows, cells.stride = self.thickness.shape
-        for item in fields(self):
-            if item.name in Cells.vars and item.name not in ('rows', 'stride'):
-                setattr(cells, item.name, getattr(self, item.name))
-        return cells
+        self.terrain, self.cell, self.device = terrain, terrain.resolution, device
+        self.weight, self.film, self.law = weight, film, law_values(lava)
+        self.rows, self.stride = (count + 2 for count in terrain.shape)
+        self.kind = shared_array(_kinds, terrain, wp.uint8, device)
+        layout = layout_of(
+            Cells, (self.rows, self.stride), ('kind', *FACES), box=4, vent_box=4, clock=9,
+            counts=4, peaks=2, left=3, gone=3 * self.rows, slots=32, spans=4 * self.rows,
+        )
+        self.block = ArrayBlock(layout, device)
 
     def map_of(self, name: str) -> np.ndarray:
         """Copy a map without the ring to the host, shape [rows, columns]."""

@@ -12,7 +12,9 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 import ctypes
 from functools import lru_cache
+from threading import local
 from typing import Any
+from weakref import ref
 
 import numpy as np
 import warp as wp
@@ -77,6 +79,9 @@ _END = """{
     report[13] = s.peaks.data[0];
     report[14] = numbers.data[row];
 }"""
+
+
+_here = local()
 
 
 @wp.struct
@@ -160,15 +165,25 @@ def steps_kernel(effects: Effects, is_heated: bool, blocks: int, is_cuda: bool) 
     return take_steps
 
 
+class PackedWorld:
+    """Arrays and constants of a simulation as the bytes of a ``World``.
+
+    Attributes:
+        data: The bytes.
+    """
+
+    def __init__(self, world: Any, owners: Any) -> None:
+        """Pack a C struct; the ``owners`` of its arrays live as long as this object."""
+        self.data, self._owners = np.frombuffer(bytes(world), dtype=np.uint8), owners
+
+
 class Worlds:
-    """Worlds whose steps a launch takes together."""
+    """Worlds whose steps a launch takes together; the caller keeps them until it has ended."""
 
     def __init__(self, rows: int, device: Any) -> None:
         """Allocate for at most some worlds."""
         self._device, self._size = device, ctypes.sizeof(World.ctype)
-        self._kept: list[Any] = [None] * rows
-        #: Number of launches, and former worlds of rows with the number when they lost them.
-        self._launched, self._former = 0, deque[tuple[int, Any]]()
+        self._put: list[Any] = [None] * rows
         memory = wp.zeros(rows * self._size, dtype=wp.uint8, device=device)
         self._worlds = wp.array(ptr=memory.ptr, dtype=World, shape=(rows,), device=device)
         self._packed = _Mirror(memory)
@@ -180,12 +195,11 @@ class Worlds:
         self._copies = deque(Readback((self._reports, self._numbers)) for _ in range(3))
         self._launches: dict[Any, Any] = {}
 
-    def put(self, row: int, world: Any) -> None:
-        """Assign a row to a world; its arrays live as long as a launch may use the row."""
-        packed = ctypes.string_at(ctypes.addressof(world.__ctype__()), self._size)
-        self._packed.write(row * self._size, np.frombuffer(packed, dtype=np.uint8))
-        self._former.append((self._launched, self._kept[row]))
-        self._kept[row] = world
+    def put(self, row: int, world: PackedWorld) -> None:
+        """Assign a row to a world."""
+        if self._put[row] is None or self._put[row]() is not world:
+            self._packed.write(row * self._size, world.data)
+            self._put[row] = ref(world)
 
     def order(
         self, row: int, clock: np.ndarray, window: np.ndarray, records: bool = False
@@ -218,7 +232,6 @@ class Worlds:
         key, threads = (effects, is_heated, blocks), blocks * THREADS if is_cuda else 1
         command = self._launches.get(key)
         if command is None:
-            self._launches.clear()
             command = self._launches[key] = wp.launch(
                 steps_kernel(effects, is_heated, blocks, is_cuda),
                 dim=len(rows) * threads, block_dim=THREADS,
@@ -233,16 +246,15 @@ class Worlds:
         command.launch()
         self._copies.rotate()
         finish = self._copies[0].begin()
-        self._launched += 1
-        launched = self._launched
+        return lambda: finish()[0]
 
-        def wait() -> np.ndarray:
-            reports = finish()[0]
-            while self._former and self._former[0][0] <= launched:
-                self._former.popleft()
-            return reports
 
-        return wait
+def worlds_alone(device: Any) -> Worlds:
+    """Return ``Worlds`` for one world at a time, which the simulations of a thread share."""
+    known: dict[str, Worlds] = vars(_here).setdefault('worlds', {})
+    if str(device) not in known:
+        known[str(device)] = Worlds(1, device)
+    return known[str(device)]
 
 
 def blocks_of(device: Any, count: int) -> int:
@@ -303,12 +315,18 @@ class CellGroup:
         self._kind, self._device = (effects, is_heated), device
         self._worlds, self._stream = Worlds(rows, device), wp.Stream(device)
         self._steps = 8
+        #: World of each row, number of launches, and former worlds with it when they lost a row.
+        self._kept: list[Any] = [None] * rows
+        self._launched, self._former = 0, deque[tuple[int, Any]]()
         self.under_way: dict[int, Iterator[None]] = {}
         self.free = list(reversed(range(rows)))
 
-    def put(self, row: int, world: Any) -> None:
+    def put(self, row: int, world: PackedWorld) -> None:
         """Assign a row to a member."""
         self._worlds.put(row, world)
+        # launches in flight use the arrays of the former one
+        self._former.append((self._launched, self._kept[row]))
+        self._kept[row] = world
 
     def wait(self) -> None:
         """Let what the current stream does next wait for the launches in flight."""
@@ -333,9 +351,13 @@ class CellGroup:
             begun = self._stream.record_event(wp.Event(self._device, enable_timing=True))
             finish = self._worlds.launch(rows, *self._kind, self._steps)
             ended = self._stream.record_event(wp.Event(self._device, enable_timing=True))
+        self._launched += 1
+        launched = self._launched
 
         def end() -> list[tuple[Iterator[None], np.ndarray]]:
             reports = finish()
+            while self._former and self._former[0][0] <= launched:
+                self._former.popleft()
             clocks = reports[:, CLOCK]
             is_due = (clocks[:, TIME] >= clocks[:, TARGET]) | (clocks[:, WAITING] > 0.0)
             is_due &= self._worlds.are_current(reports)

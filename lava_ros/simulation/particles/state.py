@@ -14,7 +14,7 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.simulation.backend.graph import Launches
-from lava_ros.simulation.backend.memory import forget_failure, read, Readback, zeros
+from lava_ros.simulation.backend.memory import ArrayBlock, forget_failure, read, Readback
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.layout import Arrays, CellMaps
 
@@ -133,7 +133,8 @@ class State(Arrays):
                 items[name] = kinds[one.dtype], (capacity,)
             elif name not in self._arrays:
                 others[name] = kinds[one.dtype], (length,)
-        arrays = zeros(items, self.device) | zeros(others, self.device)
+        blocks = ((some, ArrayBlock(some, self.device)) for some in (items, others))
+        arrays = {name: block[name] for some, block in blocks for name in some}
         self.launches.forget()
         self._arrays |= arrays
         for name, array in arrays.items():

@@ -65,10 +65,10 @@ class Flow:
         terrain = Terrain(elevation, CELL)
         vent = Vent((0.0, 0.0), 1.0, radius=CELL, temperature=HOT)
         self.scene = Scene(terrain, (vent,), lava, ambient_temperature=AIR, **around)
-        self.state = CellState.on(
+        self.state = CellState(
             terrain, 'cpu', lava=lava, weight=lava.density * GRAVITY, film=1e-6
         )
-        self.heat = HeatState.on(self.state, self.scene, self.effects, 1.0)
+        self.heat = HeatState(self.state, self.scene, self.effects, 1.0)
         state, heat = self.state, self.heat
         lay_ground(state, heat, self.effects)
         state.thickness.assign(np.pad(thickness, 1))

@@ -66,9 +66,9 @@ def lava_on(
 ):
     """Return the state of some lava, and a function that advances it to a time [s]."""
     terrain = Terrain(elevation, cell)
-    state = CellState.on(terrain, 'cpu', lava=lava, weight=WEIGHT, film=film)
+    state = CellState(terrain, 'cpu', lava=lava, weight=WEIGHT, film=film)
     scene = Scene(terrain, (), lava)
-    lay_ground(state, HeatState.on(state, scene, effects, 1.0), effects)
+    lay_ground(state, HeatState(state, scene, effects, 1.0), effects)
     state.thickness.assign(np.pad(thickness, 1))
     state.stage.assign(np.pad(thickness, 1).astype(np.float32))
     viscosity = np.full(elevation.shape, lava.viscosity) if viscosity is None else viscosity
@@ -203,6 +203,6 @@ def test_lava_leaves_on_cells_without_data_and_in_the_sea(cells, place):
     ground = 20.0 - 0.2 * x
     ground[x > 50.0] = cells
     terrain = Terrain(ground, 5.0, sea_level=0.0)
-    state = CellState.on(terrain, 'cpu', lava=ISOTHERMAL, weight=WEIGHT, film=1e-6)
+    state = CellState(terrain, 'cpu', lava=ISOTHERMAL, weight=WEIGHT, film=1e-6)
     kinds = np.bincount(state.kind.numpy()[1:-1, 1:-1].ravel(), minlength=4)
     assert kinds[1 + place] == (x > 50.0).sum()
