@@ -204,6 +204,13 @@ def resolution_of(
         LavaError: If the spacing is too small for cells of the terrain.
     """
     effects = estimated_effects(scene, accuracy, forced, horizon=horizon)
+    return _resolution_with(scene, accuracy, effects, horizon=horizon)
+
+
+def _resolution_with(
+    scene: Scene, accuracy: Accuracy, effects: Effects, *, horizon: float
+) -> Resolution:
+    """Return the resolution of a scene whose estimates include some effects."""
     mobility = math.inf if accuracy.mobility_limit is None else accuracy.mobility_limit
     course = course_of(scene, effects, horizon=horizon, mobility=mobility)
     width = math.nan if course is None else course.width
@@ -318,18 +325,20 @@ def resolved_accuracy(
     Raises:
         LavaError: If they are out of range; it names what has led to them.
     """
+    effects = estimated_effects(scene, accuracy, forced, horizon=horizon)
+    filled: dict[str, float] = {}
     if accuracy.spacing is None or accuracy.thickness is None:
-        found = resolution_of(scene, accuracy, forced, horizon=horizon)
-        with naming_the_cause(scene, accuracy):
-            accuracy = replace(accuracy, spacing=found.spacing, thickness=found.thickness)
+        found = _resolution_with(scene, accuracy, effects, horizon=horizon)
+        filled = {'spacing': found.spacing, 'thickness': found.thickness}
     elif accuracy.method == 'cells':
-        accuracy = replace(accuracy, spacing=cell_size(scene.terrain, accuracy.spacing))
+        filled = {'spacing': cell_size(scene.terrain, accuracy.spacing)}
     if accuracy.longest_step is None:
-        assert accuracy.thickness is not None
-        effects = estimated_effects(scene, accuracy, forced, horizon=horizon)
-        longest = longest_step_of(scene, effects, accuracy.thickness, horizon=horizon)
-        accuracy = replace(accuracy, longest_step=float(f'{longest:.3g}'))
-    return accuracy
+        thickness = filled.get('thickness', accuracy.thickness)
+        assert thickness is not None
+        longest = longest_step_of(scene, effects, thickness, horizon=horizon)
+        filled['longest_step'] = float(f'{longest:.3g}')
+    with naming_the_cause(scene, accuracy):
+        return replace(accuracy, **filled) if filled else accuracy
 
 
 @contextmanager

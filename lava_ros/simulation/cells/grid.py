@@ -67,6 +67,8 @@ def within_ring(part: Part) -> Part:
 
 def on_terrain(values: np.ndarray, grid: Terrain, terrain: Terrain, part: Part) -> np.ndarray:
     """Return values of ``cells_under`` a part on the terrain's cells, with the same volume."""
+    if grid.shape == terrain.shape:
+        return values
     ratio = round(terrain.resolution / grid.resolution)
     if np.array_equal(np.multiply(terrain.shape, ratio), grid.shape):
         shape = [number for one in part for number in (one.stop - one.start, ratio)]

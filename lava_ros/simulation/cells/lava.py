@@ -237,7 +237,9 @@ class CellLava:
         self._warmth = first if is_uniform else None
         rheology, state = Rheology(self.scene.lava, self.effects), self.state
         _fill(self.heat.temperature, temperature)
-        found, which = np.unique(np.float32(temperature), return_inverse=True)
+        found, which = np.float32([first]), 0
+        if not is_uniform:
+            found, which = np.unique(np.float32(temperature), return_inverse=True)
         for array, law in (
             (state.fluidity, lambda one: 1.0 / rheology.viscosity_at(one)),
             (state.strength, rheology.strength_at),

@@ -9,7 +9,7 @@ its threshold is switched on, and stays on.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 import math
 
 from lava_ros.effects import EFFECTS, Effects, excluded_by, existing
@@ -100,7 +100,7 @@ class EffectChoice:
             return self.forced
         fixed = self._given if effects is None else effects
         assert fixed is not None
-        return asdict(fixed)
+        return {name: name in fixed for name in EFFECTS}
 
     def first(self, scene: Scene, accuracy: Accuracy) -> Effects:
         """Return the effects at the start.
