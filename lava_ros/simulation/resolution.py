@@ -325,8 +325,9 @@ def resolved_accuracy(
     Raises:
         LavaError: If they are out of range; it names what has led to them.
     """
-    effects = estimated_effects(scene, accuracy, forced, horizon=horizon)
     filled: dict[str, float] = {}
+    if None in (accuracy.spacing, accuracy.thickness, accuracy.longest_step):
+        effects = estimated_effects(scene, accuracy, forced, horizon=horizon)
     if accuracy.spacing is None or accuracy.thickness is None:
         found = _resolution_with(scene, accuracy, effects, horizon=horizon)
         filled = {'spacing': found.spacing, 'thickness': found.thickness}

@@ -370,7 +370,8 @@ class CellLava:
             # not a number anywhere makes the largest one of the report none
             peaks.check(np.array(self.thickest), np.array(0.0))
         else:
-            peaks.check(self.state.thickness.numpy(), self.heat.temperature.numpy())
+            maps = [self.state.thickness, self.heat.temperature]
+            peaks.check(*read_parts(maps, self._part_with_lava()))
         yield from ()
 
     def maps_and_sample(self) -> tuple[Any, ParticleSample]:
