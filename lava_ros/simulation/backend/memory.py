@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 import ctypes
 from functools import lru_cache
 import math
+from threading import local
 from typing import Any
 from weakref import WeakValueDictionary
 
@@ -141,6 +142,9 @@ def _described(dtype: Any, shape: tuple[int, ...]) -> Any:
     return wp.array(ptr=PIECE, dtype=dtype, shape=shape, device='cpu').__ctype__()
 
 
+#: Memory of the host that the GPUs of a thread copy to, by their names, and its maximum [bytes].
+_here, _MAX_STAGING = local(), 2**26
+
 #: Objects that are shared and in use, and the newest: those of two terrains, for members that run
 #: one after the other with partners on coarser ground.
 _shared: WeakValueDictionary[tuple[Hashable, ...], Any] = WeakValueDictionary()
@@ -204,29 +208,48 @@ def read(array: Any) -> np.ndarray:
     """
     if not array.device.is_cuda:
         return array.numpy().copy()
-    host = wp.empty_like(array, device='cpu')
-    wp.copy(host, array)
-    wp.synchronize_stream(wp.get_stream(array.device))
-    return host.numpy()
+    (values,) = _read([(array, 0, array.size)])
+    return values.reshape(*array.shape, *values.shape[1:])
 
 
-def read_parts(maps: Sequence[Any], part: tuple[slice, slice]) -> np.ndarray:
-    """Copy some rows and columns of several maps of one type and shape to the host.
+def read_parts(maps: Sequence[Any], part: tuple[slice, slice]) -> list[np.ndarray]:
+    """Copy some rows and columns of maps of one shape to the host.
 
     A GPU copies whole rows: a kernel that gathers others would wait for those of other streams.
     """
     rows, columns = part
     if not maps[0].device.is_cuda:
-        return np.stack([one.numpy()[part] for one in maps])
+        return [one.numpy()[part].copy() for one in maps]
     width, height = maps[0].shape[1], max(rows.stop - rows.start, 0)
-    host = wp.empty((len(maps), height, width), dtype=maps[0].dtype, device='cpu')
-    size = height * width
-    for number, one in enumerate(maps):
-        if size:
-            wp.copy(host, one, number * size, rows.start * width, size)
-    wp.synchronize_stream(wp.get_stream(maps[0].device))
-    values: np.ndarray = host.numpy()[:, :, columns]
-    return values
+    found = _read([(one, rows.start * width, height * width) for one in maps])
+    return [one.reshape(height, width)[:, columns] for one in found]
+
+
+def _read(pieces: Sequence[tuple[Any, int, int]]) -> list[np.ndarray]:
+    """Copy items of arrays of a GPU, from a number on and as many as another, to the host.
+
+    The GPU copies all to memory that it can write to while the host goes on, which waits once.
+    """
+    device = pieces[0][0].device
+    ends = np.cumsum([-(-count * _size(one.dtype) // PIECE) for one, _, count in pieces]).tolist()
+    staging = vars(_here).get(device.alias)
+    if staging is None or staging.size < ends[-1]:
+        # such memory takes long to allocate, and the system cannot use it otherwise
+        is_kept = ends[-1] * PIECE <= _MAX_STAGING
+        staging = wp.empty(ends[-1], dtype=_PIECE, device='cpu', pinned=is_kept)
+        if is_kept:
+            setattr(_here, device.alias, staging)
+    hosts = []
+    for (one, first, count), start in zip(pieces, (0, *ends), strict=False):
+        host = wp.array(
+            ptr=staging.ptr + start * PIECE, dtype=one.dtype, shape=count, device='cpu',
+            pinned=staging.pinned,
+        )
+        if count:
+            wp.copy(host, one, 0, first, count)
+        hosts.append(host)
+    wp.synchronize_stream(wp.get_stream(device))
+    return [host.numpy().copy() for host in hosts]
 
 
 class Readback:

@@ -32,12 +32,15 @@ from lava_ros.simulation.cells.heat import HeatState, hottest_of
 from lava_ros.simulation.cells.highest import Highest
 from lava_ros.simulation.cells.peaks import CellPeaks
 from lava_ros.simulation.cells.state import (
+    BOUNDS,
+    BOX,
     Cells,
     CellState,
     EVALUATIONS,
     FACES,
     FULL,
     Heat,
+    LEFT,
     STAGES,
     STEPS,
     TIME,
@@ -123,6 +126,8 @@ class CellLava:
         self._film = FILM * min(accuracy.thickness, 1.0)
         self.volume_before, self.most_particles = 0.0, 0
         self.clock, self.counts, self.thickest = np.zeros(9), np.zeros(4, dtype=int), 0.0
+        #: Latest report of a launch (``worlds``), None if the lava has changed otherwise since.
+        self._report: np.ndarray | None = None
         self._maps = _Maps(device)
         self.covered = CoveredCells(scene.terrain, device)
         self._place_terrain()
@@ -162,6 +167,7 @@ class CellLava:
 
     def _cover(self) -> None:
         """Continue to record what lava covers on the cells of the terrain."""
+        self._report = None
         terrain = self.scene.terrain
         rows, columns = terrain.shape
         whole = slice(0, rows), slice(0, columns)
@@ -177,10 +183,22 @@ class CellLava:
         ends = self._ends_at_start
         if self.steps:
             # no window before: the first step finds it
-            low, high = read(self.state.box).reshape(2, 2).T
+            low, high = self._reported(BOX, self.state.box).reshape(2, 2).T
             ends = np.array([np.minimum(ends[0], low), np.maximum(ends[1], high + 1)])
         rows, columns = ends.T.tolist()
         return slice(*rows), slice(*columns)
+
+    def _reported(self, place: slice, array: Any) -> np.ndarray:
+        """Return a part of the latest report, or the small array that it is a copy of."""
+        if self._report is None:
+            return read(array)
+        values: np.ndarray = self._report[place].astype(wp.dtype_to_numpy(array.dtype))
+        return values
+
+    def _rectangle(self) -> Part:
+        """Return the rows and columns of the terrain around all lava so far."""
+        bounds = self._reported(BOUNDS, self.covered.maps.bounds)
+        return self.window.within(bounds.tolist())
 
     def columns(self) -> Columns:
         """Copy the lava."""
@@ -190,6 +208,7 @@ class CellLava:
 
     def start_bare(self) -> None:
         """Prepare new arrays for a start without flowing or solidified lava."""
+        self._report = None
         #: Temperatures of the lava [K], and the window in which it is.
         self._temperatures: set[float] = set()
         self._lava_box = np.array([0, -1, 0, -1], dtype=np.int32)
@@ -201,6 +220,7 @@ class CellLava:
 
     def put(self, lava: Columns) -> None:
         """Replace the lava and the ground that it has become."""
+        self._report = None
         state, heat = self.state, self.heat
         for values, arrays in (
             (lava.thickness, (state.thickness, state.stage, heat.former)),
@@ -237,7 +257,7 @@ class CellLava:
         self._warmth = first if is_uniform else None
         rheology, state = Rheology(self.scene.lava, self.effects), self.state
         _fill(self.heat.temperature, temperature)
-        found, which = np.float32([first]), 0
+        found, which = np.array([first], dtype=np.float32), np.array(0)
         if not is_uniform:
             found, which = np.unique(np.float32(temperature), return_inverse=True)
         for array, law in (
@@ -260,6 +280,8 @@ class CellLava:
     @property
     def count(self) -> int:
         """Number of cells with lava that flows."""
+        if self._is_bare and not self.steps:
+            return 0
         (thickness,) = read_parts([self.state.thickness], self._part_with_lava())
         count = int((thickness > self._film).sum())
         self.most_particles = max(self.most_particles, count)
@@ -307,7 +329,7 @@ class CellLava:
         """Write and return ``grids``."""
         self.record()
         # lava is nowhere else
-        part = self.window.rectangle(self._maps)
+        part = self._rectangle()
         heat, terrain = self.heat, self.scene.terrain
         thickness, temperature, frozen = read_parts(
             [self.state.thickness, heat.temperature, heat.frozen], self._cells_under(part)
@@ -345,8 +367,10 @@ class CellLava:
     def budget(self) -> VolumeBudget:
         """Return the budget of the lava's volume."""
         area = self.grid.resolution**2
-        left, maps = read(self.state.left) * area, [self.state.thickness, self.heat.frozen]
-        flowing, solid = read_parts(maps, self._part_with_lava()).sum(axis=(1, 2)) * area
+        left = self._reported(LEFT, self.state.left) * area
+        maps = [self.state.thickness, self.heat.frozen]
+        parts = read_parts(maps, self._part_with_lava())
+        flowing, solid = (values.sum() * area for values in parts)
         return VolumeBudget(
             emitted=self.volume_before + self.vents.emitted(self.time),
             flowing=float(flowing), solidified=float(solid), **lost_volumes(left),
@@ -384,7 +408,7 @@ class CellLava:
         rows, columns = self.scene.terrain.shape
         part = slice(0, rows), slice(0, columns)
         if where_wet:
-            part = self.window.rectangle(self._maps)
+            part = self._rectangle()
         terrain = self.scene.terrain
         thickness, temperature = self.peaks.on_terrain(
             lambda values: self._on_terrain(values, part), self._cells_under(part)

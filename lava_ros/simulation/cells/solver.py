@@ -24,26 +24,21 @@ from lava_ros.simulation.cells.grid import deposit
 from lava_ros.simulation.cells.heat import carries_heat
 from lava_ros.simulation.cells.lava import CellLava, Columns, mixed
 from lava_ros.simulation.cells.state import (
+    CLOCK,
+    COUNTS,
     FULL,
     LENGTH,
     LONGEST,
     MAX_END,
     POURED,
     TARGET,
+    THICKEST,
     TIME,
     UNTIL,
     WAITING,
 )
 from lava_ros.simulation.cells.vents import CellVents
-from lava_ros.simulation.cells.worlds import (
-    CellGroup,
-    CLOCK,
-    COUNTS,
-    PackedWorld,
-    THICKEST,
-    World,
-    worlds_alone,
-)
+from lava_ros.simulation.cells.worlds import CellGroup, PackedWorld, World, worlds_alone
 from lava_ros.simulation.output.checkpoint import Checkpoint, joined
 from lava_ros.simulation.output.checkpoint_contents import (
     check_conserved,
@@ -269,7 +264,8 @@ class CellSolver(CellLava):
         self._read(worlds.launch([0], self.effects, self._is_heated, steps)()[0])
 
     def _read(self, report: np.ndarray) -> None:
-        """Take clock, counts and thickest lava from a report."""
+        """Take clock, counts and thickest lava from a report, and keep it."""
+        self._report = report
         self.clock[:], self.counts[:] = report[CLOCK], report[COUNTS]
         self.thickest = float(report[THICKEST])
 

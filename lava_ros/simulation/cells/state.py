@@ -54,7 +54,12 @@ TIME, LENGTH, UNTIL, LONGEST, TARGET, FULL, MAX_END, WAITING, POURED = range(9)
 STEPS, EVALUATIONS, STAGES, LIMITED = range(4)
 
 #: Item of ``peaks``: largest thickness at the end of the latest step [m].
-THICKEST, RATE = range(2)
+LARGEST, RATE = range(2)
+
+#: Parts of a report of a launch (``worlds.py``): clock, counts, largest thickness [m], number of
+#: the order, ``box``, ``CellMaps.bounds`` and ``left``.
+CLOCK, COUNTS, THICKEST, NUMBER = slice(0, 9), slice(9, 13), 13, 14
+BOX, BOUNDS, LEFT = slice(15, 19), slice(19, 23), slice(23, 26)
 
 #: Thickness of a cell that lava covers wholly, over that of its thickest neighbour (covered.py).
 EDGE = 0.25
@@ -216,7 +221,7 @@ class CellState(KernelState):
         box: First and last row, first and last column of the window, int32, shape [4].
         clock: Times (``TIME`` and following), float64, shape [9].
         counts: Counts (``STEPS`` and following), int32, shape [4].
-        peaks: ``THICKEST`` [m] and ``RATE``, the stiffness of the latest step [1/s], float64.
+        peaks: ``LARGEST`` [m] and ``RATE``, the stiffness of the latest step [1/s], float64.
         left: Volume over the cell area [m] that has left by ``BORDER``, ``HOLES``, ``SEA``,
             float64, shape [3].
         gone: The same of a row in the latest step, float64, shape [3 rows].

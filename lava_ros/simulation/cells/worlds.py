@@ -27,20 +27,26 @@ from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.heated_step import heated_step_function
 from lava_ros.simulation.cells.highest import Highest, raise_function
 from lava_ros.simulation.cells.spans import spans_function
-from lava_ros.simulation.cells.state import Cells, Heat, POURED, TARGET, TIME, WAITING
-from lava_ros.simulation.cells.state import THICKEST as LARGEST
+from lava_ros.simulation.cells.state import (
+    Cells,
+    CLOCK,
+    Heat,
+    LARGEST,
+    NUMBER,
+    POURED,
+    TARGET,
+    TIME,
+    WAITING,
+)
 from lava_ros.simulation.cells.threads import shared, THREADS
 
 #: Wall time of a launch of a batch to aim at [s], as members that have arrived wait for its end,
 #: and maximum number of steps.
 _LAUNCH_TIME, _MAX_STEPS = 0.004, 4096
 
-#: Parts of a report: clock and counts (``CellState``), largest thickness [m], number of the order.
-CLOCK, COUNTS, THICKEST, NUMBER = slice(0, 9), slice(9, 13), 13, 14
-
 #: Number of items of a report, and of an order: clock, window (``CellState.box``), 1 to record
 #: what lava covers before the steps, and number.
-_REPORT, _ORDER = 15, 15
+_REPORT, _ORDER = 26, 15
 
 #: Numbers of blocks of a world on a GPU, each a kernel of its own: fewer for more worlds. Also
 #: the minimum compute capability: the blocks of a cluster run at the same time; and the number of
@@ -78,6 +84,9 @@ _END = """{
     for (int n = 0; n < 4; ++n) report[9 + n] = s.counts.data[n];
     report[13] = s.peaks.data[0];
     report[14] = numbers.data[row];
+    for (int n = 0; n < 4; ++n) report[15 + n] = s.box.data[n];
+    for (int n = 0; n < 4; ++n) report[19 + n] = record.bounds.data[n];
+    for (int n = 0; n < 3; ++n) report[23 + n] = s.left.data[n];
 }"""
 
 
@@ -126,8 +135,8 @@ def steps_kernel(effects: Effects, is_heated: bool, blocks: int, is_cuda: bool) 
 
     @wp.func_native(ending)
     def end(
-        s: Cells, reports: wp.array2d(dtype=wp.float64), numbers: wp.array(dtype=wp.float64),
-        row: int,
+        s: Cells, record: Covered, reports: wp.array2d(dtype=wp.float64),
+        numbers: wp.array(dtype=wp.float64), row: int,
     ): ...
 
     @wp.kernel(
@@ -160,7 +169,7 @@ def steps_kernel(effects: Effects, is_heated: bool, blocks: int, is_cuda: bool) 
             if clock[WAITING] == wp.float64(0.0):
                 note(world.flow, world.covered)
                 raise_peaks(world.flow, world.heat, world.highest)
-        end(world.flow, reports, numbers, row)
+        end(world.flow, world.covered, reports, numbers, row)
 
     return take_steps
 

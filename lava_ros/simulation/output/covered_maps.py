@@ -17,7 +17,7 @@ import warp as wp
 from lava_ros.scene import Terrain
 from lava_ros.scene.terrain import HALF, has_same_cells, PARTS
 from lava_ros.simulation.backend.compiled import access, quick_kernel
-from lava_ros.simulation.backend.memory import read
+from lava_ros.simulation.backend.memory import ArrayBlock, read
 from lava_ros.simulation.output.covered_cells import mark_bits, note_function
 from lava_ros.simulation.output.inundation import squares_in, standing_cells, TOUCHED
 from lava_ros.simulation.output.window import cell_in, CellWindow, Window
@@ -96,11 +96,15 @@ class CoveredCells:
     def __init__(self, terrain: Terrain, device: Any) -> None:
         """Allocate for a terrain that no lava has touched."""
         self._terrain, self._device = terrain, device
+        kinds = kinds_of(wp.float32)
+        block = ArrayBlock({
+            name: (kinds[one.dtype], (4,) if name == 'bounds' else terrain.shape)
+            for name, one in CELL_MAPS.items()
+        }, device)
+        self.maps = CellMaps(*(block[name] for name in CELL_MAPS))
         # filled on the device: members of an ensemble do this one after the other
-        self.maps = CellMaps(
-            *(wp.full(terrain.shape, -1.0, dtype=wp.float32, device=device) for _ in range(2)),
-            *(wp.zeros(size, dtype=wp.int32, device=device) for size in (terrain.shape, 4)),
-        )
+        for times in (self.maps.arrived, self.maps.half_inundated):
+            times.fill_(-1.0)
 
     def _put(
         self, arrived: np.ndarray, half_inundated: np.ndarray, covered: np.ndarray,

@@ -64,7 +64,10 @@ class Window:
 
     def rectangle(self, state: Bounded) -> tuple[slice, slice]:
         """Return the rows and columns around all lava so far."""
-        bounds = read(state.cell_maps.bounds).tolist()
+        return self.within(read(state.cell_maps.bounds).tolist())
+
+    def within(self, bounds: Sequence[int]) -> tuple[slice, slice]:
+        """Return the rows and columns around the cells in ``CellMaps.bounds``."""
         if not bounds[1]:
             return slice(0, 0), slice(0, 0)
         parts = (
