@@ -283,7 +283,7 @@ STEP = """
                     y[p] += (float)(given * source[p]);
             if (!is_open)
                 for (long p = from; p <= to; p += lanes) y[p] = kind[p] ? 0.0f : y[p];
-            if (!is_serial && n == stages)
+            if (n == stages)
                 for (long p = from; p <= to; p += lanes)
                     is_overdrawn |= thickness_by(p, gx, gy) < 0.0;
         };
@@ -314,7 +314,7 @@ STEP = """
         for (long i = is_serial ? bottom + 1 - LAG : first_of(top); i <= last_of(bottom);
              i += lines)
             update(i);
-        if (!is_serial && n == stages) raise(slots + OVERDRAWN, is_overdrawn);
+        if (n == stages) raise(slots + OVERDRAWN, is_overdrawn);
         together();
         float* swap = newer_x;
         newer_x = older_x, older_x = swap;
@@ -335,12 +335,12 @@ STEP = """
     bool was_overdrawn = false;
     for (int turn = 0; turn < LIMITS; ++turn) {
         is_overdrawn = 0;
-        for (long i = first_of(row_0); (is_serial || turn) && i <= last_of(row_1); i += lines) {
+        for (long i = first_of(row_0); turn && i <= last_of(row_1); i += lines) {
             const Span span = cells_of(i);
             for (long p = i * w + span.from + lane; p <= i * w + span.to; p += lanes)
                 is_overdrawn |= after(p) < 0.0;
         }
-        if (is_serial || turn) {
+        if (turn) {
             raise(slots + OVERDRAWN + turn, is_overdrawn);
             together();
         }
