@@ -71,6 +71,11 @@ _NOTE = """{
     };
     auto row_of = [&](float place) { return clamped((long)place, 1, s.rows - 2); };
     auto column_of = [&](float place) { return clamped((long)place, 1, w - 2); };
+    // a cell of the terrain that is no larger than the solver's is in one of them
+    const bool is_one = scale <= 1.0f;
+    int halvings = 0;
+    while (scale * (1 << halvings) < 1.0f) ++halvings;
+    auto one_of = [&](long j) { return clamped((j >> halvings) + 1, 1, w - 2); };
     // bits of the squares of a cell that the lava of the solver's cell (r, q) covers
     auto covered_by = [&](long i, long j, long r, long q) {
         const float* at = y + r * w + q;
@@ -107,6 +112,8 @@ _NOTE = """{
             const long cell = i * columns + j;
             int bits = record.covered.data[cell];
             if (bits == WHOLE || !record.known.data[cell]) continue;
+            // most others are dry
+            if (is_one && y[r_0 * w + one_of(j)] < threshold) continue;
             const long q_0 = column_of(place_of(j, 0)), q_1 = column_of(place_of(j, PARTS - 1));
             bool is_touched = false;
             for (long r = r_0; r <= r_1; ++r)

@@ -257,7 +257,18 @@ STEP = """
     auto thickness_by = [&](long p, const float* gx, const float* gy) {
         return h[p] + ((double)gx[p - 1] - (double)gx[p]) + ((double)gy[p - w] - (double)gy[p]);
     };
+    // whether cells would have less than nothing, and first and last row of these, of this thread
     int is_overdrawn = 0;
+    long first_over = bottom, last_over = top;
+    auto find_overdrawn = [&](long i, const float* APART gx, const float* APART gy) {
+        const Span span = cells_of(i);
+        int any = 0;
+        for (long p = i * w + span.from + lane; p <= i * w + span.to; p += lanes)
+            any |= thickness_by(p, gx, gy) < 0.0;
+        is_overdrawn |= any;
+        if (any && i < first_over) first_over = i;
+        if (any && i > last_over) last_over = i;
+    };
     for (int n = 1; n <= stages; ++n) {
         const double next_b = n == 1 ? b : (n * n + n - 2.0) / (2.0 * n * (n + 1.0));
         const double mu = n == 1 ? 0.0 : (2 * n - 1) * next_b / (n * b);
@@ -283,9 +294,7 @@ STEP = """
                     y[p] += (float)(given * source[p]);
             if (!is_open)
                 for (long p = from; p <= to; p += lanes) y[p] = kind[p] ? 0.0f : y[p];
-            if (n == stages)
-                for (long p = from; p <= to; p += lanes)
-                    is_overdrawn |= thickness_by(p, gx, gy) < 0.0;
+            if (n == stages) find_overdrawn(i, gx, gy);
         };
         for (long i = first_of(top); i <= last_of(bottom); i += lines) {
             faces_of(i, [&](int axis, long from, long to, long next, long side,
@@ -333,14 +342,12 @@ STEP = """
     };
     auto after = [&](long p) { return thickness_by(p, gx, gy); };
     bool was_overdrawn = false;
+    long low = row_0, high = row_1;
     for (int turn = 0; turn < LIMITS; ++turn) {
-        is_overdrawn = 0;
-        for (long i = first_of(row_0); turn && i <= last_of(row_1); i += lines) {
-            const Span span = cells_of(i);
-            for (long p = i * w + span.from + lane; p <= i * w + span.to; p += lanes)
-                is_overdrawn |= after(p) < 0.0;
-        }
         if (turn) {
+            is_overdrawn = 0, first_over = bottom, last_over = top;
+            for (long i = first_of(low); i <= last_of(high); i += lines)
+                find_overdrawn(i, gx, gy);
             raise(slots + OVERDRAWN + turn, is_overdrawn);
             together();
         }
@@ -348,7 +355,11 @@ STEP = """
         was_overdrawn = true;
         // at last no cell gives more than it had at the start, whatever comes in
         const int is_last = turn == LIMITS - 1;
-        for (long i = first_of(row_0); i <= last_of(row_1); i += lines) {
+        // one thread knows the rows that change
+        const bool is_known = is_serial && !is_last;
+        low = is_known && first_over > row_0 ? first_over - 1 : row_0;
+        high = is_known && last_over < row_1 ? last_over + 1 : row_1;
+        for (long i = first_of(low); i <= last_of(high); i += lines) {
             const Span span = cells_of(i);
             for (long p = i * w + span.from + lane; p <= i * w + span.to; p += lanes) {
                 const float out = out_of(p) + 1e-30f, lacks = (float)after(p);
@@ -358,7 +369,8 @@ STEP = """
             }
         }
         together();
-        for (long i = first_of(top); i <= last_of(bottom); i += lines)
+        const long begin = low > row_0 ? low : top, end = high < row_1 ? high - 1 : bottom;
+        for (long i = first_of(begin); i <= last_of(end); i += lines)
             faces_of(i, [&](int axis, long from, long to, long next, long, const float*,
                             const float*, const float*) {
                 float* g = axis ? gy : gx;
