@@ -390,8 +390,8 @@ def _normal_depth(
     for _ in range(_BISECTIONS):
         level = 0.5 * (low + high)
         depth = np.maximum(level[:, None] - ground, 0.0)
-        held = np.minimum(still[:, None] / np.maximum(depth, 1e-12), 1.0)
-        moving = depth**3 * (1.0 - held) ** 2 * (1.0 + 0.5 * held)
+        held = np.minimum(still[:, None], depth)
+        moving = (depth - held) ** 2 * (depth + 0.5 * held)
         is_more = moving.sum(axis=1) * cell > flux
         low, high = np.where(is_more, low, level), np.where(is_more, level, high)
     depth = np.maximum(high[:, None] - ground, 0.0)
