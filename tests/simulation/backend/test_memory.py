@@ -5,13 +5,14 @@
 
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.live.failures import failure_text
 from lava_ros.scene import Lava, Vent
-from lava_ros.simulation.backend.memory import OutOfMemoryError
+from lava_ros.simulation.backend.memory import ArrayBlock, OutOfMemoryError, read, read_parts
 from solver import incline, simulated
 
 #: More particles than fit on any GPU: each of ten arrays would take up to 34 GB.
@@ -77,3 +78,43 @@ def test_new_simulation_runs_after_a_failed_allocation(device):
             flow(device)
     again = flow(device)
     assert again.checkpoint().to_bytes() == simulation.checkpoint().to_bytes()
+
+
+def test_arrays_of_a_block_are_apart_and_zero(device):
+    items = {'a': (wp.float64, (3, 5)), 'b': (wp.uint8, (7,)), 'c': (wp.vec2, (4,))}
+    block = ArrayBlock(items, device)
+    for name, (dtype, shape) in items.items():
+        array = block[name]
+        assert array is block[name]
+        assert (array.dtype, array.shape) == (dtype, shape)
+        assert not array.numpy().any()
+    block['b'].fill_(wp.uint8(255))
+    assert not block['a'].numpy().any()
+    assert not block['c'].numpy().any()
+    copy = block.copy()
+    block['b'].zero_()
+    assert (copy['b'].numpy() == 255).all()
+
+
+def test_a_block_describes_its_arrays_as_warp_does(device):
+    @wp.struct
+    class Pair:
+        a: wp.array2d(dtype=wp.float64)
+        b: wp.array(dtype=wp.float32)
+
+    block = ArrayBlock({'a': (wp.float64, (3, 5)), 'b': (wp.float32, (7,))}, device)
+    pair, described = Pair(), Pair.ctype()
+    for name in ('a', 'b'):
+        block.describe(name, described)
+        setattr(pair, name, block[name])
+    assert bytes(described) == bytes(pair.__ctype__())
+
+
+def test_parts_of_maps_of_several_types_are_read_together(device):
+    values = np.arange(60.0).reshape(6, 10)
+    maps = [wp.array(values, dtype=kind, device=device) for kind in (wp.float64, wp.float32)]
+    for rows, columns in ((slice(1, 4), slice(2, 9)), (slice(0, 0), slice(0, 0))):
+        for found in read_parts(maps, (rows, columns)):
+            np.testing.assert_array_equal(found, values[rows, columns])
+    pairs = wp.array(values[:, :2], dtype=wp.vec2, device=device)
+    np.testing.assert_array_equal(read(pairs), values[:, :2])

@@ -115,6 +115,31 @@ def check_sums(simulation):
     assert simulation.particle_count == (thickness > simulation.solver._film).sum()
 
 
+def test_simulations_that_take_turns_are_as_if_alone():
+    # simulations of a thread share the buffers of their launches
+    def begun(number):
+        effects, flux = (None, FREEZING, None)[number], (5.0, 5.0, 9.0)[number]
+        return simulated(slope(cells=40 + number), Vent((-60.0, 3.0), flux), effects=effects)
+
+    def volume_and_map(simulation):
+        return simulation.budget(), simulation.snapshot().thickness
+
+    alone = []
+    for number in range(3):
+        simulation = begun(number)
+        for until in (20.0, 45.0, 80.0):
+            simulation.advance(until)
+        alone.append(volume_and_map(simulation))
+    together = [begun(number) for number in range(3)]
+    for until in (20.0, 45.0, 80.0):
+        for simulation in together:
+            simulation.advance(until)
+    for expected, simulation in zip(alone, together, strict=True):
+        budget, thickness = volume_and_map(simulation)
+        assert budget == expected[0]
+        np.testing.assert_array_equal(thickness, expected[1])
+
+
 def test_a_launch_has_as_many_steps_as_take_its_time(monkeypatch):
     """On a clock by which a step takes a millisecond."""
     now, launch = [0.0], CellSolver._launch
