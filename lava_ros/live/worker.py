@@ -190,7 +190,7 @@ class SimulationWorker:
         checkpoint = self.session.checkpoint()
         # the state belongs to an earlier time of the clock
         clock = self.clock() - self.pace.age / self.pace.scale
-        return Fork(checkpoint, self.session.changes, clock, time.monotonic() - begun)
+        return Fork(checkpoint, self.session.view.changes, clock, time.monotonic() - begun)
 
     @command('terrain')
     def set_terrain(self, terrain: Terrain) -> None:

@@ -17,6 +17,7 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
 from lava_ros.bag.description import described
 from lava_ros.errors import LavaError
+from lava_ros.live.catch_up import Published
 from lava_ros.live.recorder import BagFolder
 from lava_ros.live.restart import check_token, differing, digests, Progress, RestartFile
 from lava_ros.live.session import Origin
@@ -81,6 +82,15 @@ class StartupInputs:
     is_restart: bool = False
     progress: Progress | None = None
     vents_taken: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def published(self) -> Published | None:
+        """The newest maps of the killed node, None for the first start of a run."""
+        progress = self.progress
+        if progress is None:
+            return None
+        clock = None if progress.is_held else progress.stamp_ns * 1e-9
+        return Published(progress.time + progress.behind, clock)
 
 
 def load_startup_inputs(node: Node, *, may_restart: bool = False) -> StartupInputs:
@@ -302,3 +312,14 @@ def make_simulation(scene: Scene, settings: Settings) -> tuple['Simulation', Met
         horizon=settings.horizon,
     )
     return simulation, choice
+
+
+def resume_simulation(checkpoint: Checkpoint, settings: Settings) -> 'Simulation':
+    """Resume the simulation of a checkpoint, in the worker's thread.
+
+    Raises:
+        LavaError: If the checkpoint is inconsistent, or the device does not exist.
+    """
+    from lava_ros.simulation import Simulation
+
+    return Simulation.resume(checkpoint, device=settings.device)
