@@ -92,7 +92,7 @@ class ClockWatch:
         self._jumps, self._jumped = 0, -math.inf
         self._lost, self._losing = 0.0, -math.inf
 
-    def look(
+    def warnings(
         self, stamp_ns: int, now: float, worker: WorkerStatus, *, is_simulated: bool
     ) -> dict[str, str]:
         """Return warnings about the clock.

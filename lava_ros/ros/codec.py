@@ -180,11 +180,11 @@ class _Parts:
         """Skip a string."""
         self.skip(self.number(), alignment=1)
 
-    def count(self, field: str, most: int, unit: str = '') -> range:
+    def count(self, field: str, maximum: int, unit: str = '') -> range:
         """Return a range over the elements of a field; raise LavaError for more than ``most``."""
         count = self.number()
-        if count > most:
-            raise LavaError(field, f'{count} {unit}' if unit else count, f'at most {most}')
+        if count > maximum:
+            raise LavaError(field, f'{count} {unit}' if unit else count, f'at most {maximum}')
         return range(count)
 
 

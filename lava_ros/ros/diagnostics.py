@@ -59,7 +59,7 @@ def simulation_status(
         resolution: How well the carriers of the lava resolve the flow.
         method_reason: Why the node has chosen these carriers, empty if they were given.
         missed: Warnings about effects that they do not have (``SessionView.missed``).
-        clock: Warnings about the clock (``ClockWatch.look``).
+        clock: Warnings about the clock (``ClockWatch.warnings``).
         error: Values of the numerical error.
     """
     state = worker.state

@@ -400,7 +400,7 @@ class NodeRuntime:
         worker, view = self.worker.status, self.worker.view
         snapshot = self._layers.shown
         is_simulated = self._node.get_clock().ros_time_is_active
-        clock = self._clock_watch.look(
+        clock = self._clock_watch.warnings(
             stamp_ns, time.monotonic(), worker, is_simulated=is_simulated
         )
         self._log.worker(worker, view, clock, is_paused=self._is_paused)

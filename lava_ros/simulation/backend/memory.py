@@ -192,12 +192,12 @@ class Readback:
         if device.is_cuda:
             self._copies = tuple(wp.zeros_like(one, device='cpu', pinned=True) for one in arrays)
             self._event = wp.Event(device)
-        self._seen = [one.numpy() for one in self._copies]
+        self._views = [one.numpy() for one in self._copies]
 
     def begin(self) -> Callable[[], tuple[np.ndarray, np.ndarray]]:
         """Start the copies; return a function that waits for them and returns them."""
         if self._event is None:
-            now = self._seen[0].copy(), self._seen[1].copy()
+            now = self._views[0].copy(), self._views[1].copy()
             return lambda: now
         for copy, array in zip(self._copies, self._arrays, strict=True):
             wp.copy(copy, array)
@@ -206,4 +206,4 @@ class Readback:
 
     def _finish(self) -> tuple[np.ndarray, np.ndarray]:
         wp.synchronize_event(self._event)
-        return self._seen[0].copy(), self._seen[1].copy()
+        return self._views[0].copy(), self._views[1].copy()

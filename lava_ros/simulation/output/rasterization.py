@@ -259,8 +259,8 @@ def _gather_kernel(real: Any, kernel_name: str) -> Any:
         if is_covered:
             total *= real(own_weight)
         thickness[i, j] = wp.float32(total[0])
-        least = real(wp.static(_MIN_STANDING)) * m.constants.threshold
-        if m.arrived[i, j] < wp.float32(0.0) and total[0] >= least:
+        min_standing = real(wp.static(_MIN_STANDING)) * m.constants.threshold
+        if m.arrived[i, j] < wp.float32(0.0) and total[0] >= min_standing:
             # films that are each too thin to count, and together thick enough
             m.arrived[i, j] = wp.float32(m.clock[TIME])
         if total[0] != real(0.0):

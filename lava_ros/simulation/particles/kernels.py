@@ -301,9 +301,9 @@ def _powers_of() -> str:
     powers = [
         f'powers.c[{n}] = p{n + 1} + {scale * root!r}f * support;' for n, root in enumerate(_ROOT)
     ]
-    least, most = (f'{radii!r}f' for radii in (_MIN_RADII, _MAX_RADII))
+    min_radii, max_radii = (f'{radii!r}f' for radii in (_MIN_RADII, _MAX_RADII))
     return f"""
-    const float support = x < {least} ? {least} : x > {most} ? {most} : x;
+    const float support = x < {min_radii} ? {min_radii} : x > {max_radii} ? {max_radii} : x;
     const float shift = wp::log2(support * support * {0.25 / SQUARED_SUPPORT!r}f);
     {' '.join(lines)}
     wp::vec_t<6, wp::float32> powers;

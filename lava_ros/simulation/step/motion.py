@@ -48,7 +48,7 @@ def _guard_function(real: Any, is_pushed: bool) -> Any:
     cells, or high up a wall at whose foot it has to stop. Its displacement in a step is therefore
     at most ``_MAX_DISPLACEMENT_GROWTH`` times the one that steps are chosen for, and lifts it by
     at most its thickness (plus the head of its velocity). If only the slope of its surface moves
-    it, ``is_pushed`` is False, and it is also lifted by at most that slope times the way,
+    it, ``is_pushed`` is False, and it is also lifted by at most that slope times the distance,
     ``_STEEPEST`` h / l.
     """
     vec2 = wp.types.vector(2, real)
@@ -56,22 +56,23 @@ def _guard_function(real: Any, is_pushed: bool) -> Any:
 
     @wp.func
     def guarded(
-        m: arguments_type(real), x: real, y: real, way: vec2, thickness: real, head: real
+        m: arguments_type(real), x: real, y: real, displacement: vec2, thickness: real, head: real
     ) -> vec2:
-        most = real(_MAX_DISPLACEMENT_GROWTH) * m.constants.reach
-        size = wp.length(way)
-        kept = way
-        if size > most:
-            kept = way * (most / size)
+        longest = real(_MAX_DISPLACEMENT_GROWTH) * m.constants.reach
+        size = wp.length(displacement)
+        reduced = displacement
+        if size > longest:
+            reduced = displacement * (longest / size)
         here = height_at(m.ground, x, y) + head
         for _ in range(_HALVINGS):
-            share = real(1.0)
+            fraction = real(1.0)
             if wp.static(not is_pushed):
-                share = wp.min(share, real(_STEEPEST) * wp.length(kept) / m.constants.radius)
-            top = here + share * thickness
-            if height_at(m.ground, x + kept.x, y + kept.y) <= top:
-                return kept
-            kept *= real(0.5)
+                rise = real(_STEEPEST) * wp.length(reduced) / m.constants.radius
+                fraction = wp.min(fraction, rise)
+            top = here + fraction * thickness
+            if height_at(m.ground, x + reduced.x, y + reduced.y) <= top:
+                return reduced
+            reduced *= real(0.5)
         return vec2()
 
     return guarded
@@ -82,7 +83,7 @@ def _heating_function(form: Form, effects: Effects) -> Any:
     """Return the device function of a particle's temperature [K] at the end of a step, or None.
 
     Its arguments: the particle's number, its item of ``State.ordered``, its thickness [m], its
-    place at the start of the step, its way in the step, and arguments of the motion.
+    place at the start of the step, its displacement in the step, and arguments of the motion.
     """
     real = form.real
     warming, column_struct = warming_function(wp, real, effects), column_type(real)
@@ -106,7 +107,7 @@ def _heating_function(form: Form, effects: Effects) -> Any:
 
     @wp.func
     def heated(
-        i: int, p: vec4, thickness: real, start: vec2, way: vec2, m: arguments_type(real)
+        i: int, p: vec4, thickness: real, start: vec2, shift: vec2, m: arguments_type(real)
     ) -> real:
         step = real(m.clock[at.STEP])
         column = column_struct()
@@ -127,15 +128,15 @@ def _heating_function(form: Form, effects: Effects) -> Any:
                 age = real(age_at(begun, m.ordered_emission_time[i]))
         drop = real(0.0)
         if wp.static(falls):
-            drop = -wp.dot(m.slope[i], way)
+            drop = -wp.dot(m.slope[i], shift)
             if wp.static(not form.has_velocity):
                 # the actual drop of the ground, however steep it is where the step begins
-                drop += wp.dot(ground, way)
+                drop += wp.dot(ground, shift)
                 drop += height_at(m.ground, start.x, start.y)
-                drop -= height_at(m.ground, start.x + way.x, start.y + way.y)
+                drop -= height_at(m.ground, start.x + shift.x, start.y + shift.y)
         column.drop = drop / step
         if wp.static(has_speed):
-            column.speed = wp.sqrt(way.x * way.x + way.y * way.y) / step
+            column.speed = wp.sqrt(shift.x * shift.x + shift.y * shift.y) / step
         change = warming(m.heat, column, p[3], age, step)
         if wp.static(form.has_temperature_remainder):
             change += m.ordered_temperature_remainder[i]
@@ -200,9 +201,9 @@ def motion_function(form: Form, effects: Effects) -> Any:
             head = real(0.0)
             if wp.static(form.has_velocity):
                 head = (f[1] * f[1] + f[2] * f[2]) / (real(2.0) * m.constants.gravity)
-            way = guarded(m, x, y, vec2(dx, dy), f[0], head)
-            dx = way[0]
-            dy = way[1]
+            displacement = guarded(m, x, y, vec2(dx, dy), f[0], head)
+            dx = displacement[0]
+            dy = displacement[1]
         if wp.static(form.is_staged):
             store(m.base, i, vec4(x, y, before[0], before[1]))
             store(m.drift, i, vec4(dx, dy, start[0], start[1]))

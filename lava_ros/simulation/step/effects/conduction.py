@@ -104,7 +104,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects, threads: int) -> tup
             own = m.warmth[i]
             inverse = real(1.0) / m.constants.radius
             step = real(m.waited[1] * fraction)
-            most = wp.max(real(1.0), step * m.exchange[i])
+            divisor = wp.max(real(1.0), step * m.exchange[i])
             rise = real(0.0)
             box = cells_around(m.cells, p[0], p[1], m.constants.radius)
             for r in range(box[0], box[1]):
@@ -116,7 +116,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects, threads: int) -> tup
                     square = dx * dx + dy * dy
                     if j != i and square < real(1.0):
                         weight = other[2] * slope(wp.sqrt(square)) / (height + m.flow[j][0])
-                        weight /= wp.max(most, step * m.exchange[j])
+                        weight /= wp.max(divisor, step * m.exchange[j])
                         rise += weight * (m.warmth[j] - own)
             rise *= step * factor
             now = m.particle[i]

@@ -246,14 +246,14 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
                 m.slope[i] = (new - free) / fall
                 # limited by the energy from weight and motion: speeds on the map do not account
                 # for the turn of lava that runs from level ground into a wall
-                way = step * new
+                displacement = step * new
                 surface = -m.kick[i] / (g * part_of_gravity(ground))
                 given = height_at(m.ground, p[0], p[1])
-                given -= height_at(m.ground, p[0] + way.x, p[1] + way.y)
-                given += wp.dot(ground - surface, way)
+                given -= height_at(m.ground, p[0] + displacement.x, p[1] + displacement.y)
+                given += wp.dot(ground - surface, displacement)
                 given += real(0.5) * (wp.dot(old, old) - wp.dot(new, new)) / g
                 given = wp.max(given, real(0.0))
-                work = -wp.dot(m.slope[i], way)
+                work = -wp.dot(m.slope[i], displacement)
                 if work > given:
                     m.slope[i] = m.slope[i] * (given / work)
 

@@ -58,8 +58,8 @@ def _patch_functions(real: Any) -> tuple[Any, Any, Any]:
         volume: real, thickness: real, exact: ground_type(wp.float64), widest: wp.float64
     ):
         side = wp.sqrt(wp.float64(volume) / wp.float64(thickness))
-        least = wp.max(wp.float64(_MIN_WIDTH_RATIO) * widest, exact.resolution)
-        return wp.max(wp.min(side, widest), least)
+        min_width = wp.max(wp.float64(_MIN_WIDTH_RATIO) * widest, exact.resolution)
+        return wp.max(wp.min(side, widest), min_width)
 
     @wp.func
     def spline(t: wp.float64) -> wp.float64:
