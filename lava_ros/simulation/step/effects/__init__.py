@@ -48,7 +48,11 @@ class DevicePart:
             terrain: The ground on the device; a ``RaisedTerrain`` if lava can solidify.
             state: The particles.
         """
-        self.accuracy, self.state = accuracy, state
+        self.accuracy, self.terrain, self.state = accuracy, terrain, state
+        self.prepare(scene)
+
+    def prepare(self, scene: Scene) -> None:
+        """Compute the constants of the kernels."""
 
     @staticmethod
     def step_limit(scene: Scene, accuracy: Accuracy, reach: float) -> float:

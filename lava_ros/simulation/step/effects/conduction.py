@@ -32,13 +32,10 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.effects.heat import heat_type
 from lava_ros.scene import Scene
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import access, quick_kernel
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
 from lava_ros.simulation.particles.layout import arguments_type, IS_LAST, PARTICLES, STEP
-from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.particles.terrain import StaggeredTerrain
 from lava_ros.simulation.step.effects import DevicePart
 
 #: Maximum exchange rate of a particle, over kappa / l^2, for the number of sweeps: an even layer
@@ -139,12 +136,9 @@ class Part(DevicePart):
 
     finishes_step = True
 
-    def __init__(
-        self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
-    ) -> None:
+    def prepare(self, scene: Scene) -> None:
         """Prepare for the scene's conductivity and the longest possible step."""
-        super().__init__(scene, accuracy, terrain, state)
-        lava = scene.lava
+        accuracy, state, lava = self.accuracy, self.state, scene.lava
         square = accuracy.radius**2
         diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
         self._kernels = partial(_kernels, state.real, accuracy.kernel, state.effects)

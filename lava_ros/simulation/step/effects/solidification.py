@@ -34,7 +34,6 @@ from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.particles.cells import border_functions
 from lava_ros.simulation.particles.layout import arguments_type, ground_type, PARTICLES, TIME
 from lava_ros.simulation.particles.solidified import RaisedTerrain, THICKNESS_UNIT
-from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.step.effects import DevicePart
 
 #: Minimum width over the maximum: wider ones smooth the deposit by more than the bounds of its
@@ -216,15 +215,11 @@ class Part(DevicePart):
     """The pass that lets lava solidify."""
 
     finishes_step = True
+    terrain: RaisedTerrain
 
-    def __init__(
-        self, scene: Scene, accuracy: Accuracy, terrain: RaisedTerrain, state: State
-    ) -> None:
+    def prepare(self, scene: Scene) -> None:
         """Prepare for the solidus of the scene's lava."""
-        super().__init__(scene, accuracy, terrain, state)
-        self._solidus = scene.lava.solidus
-        self._widest = accuracy.radius / 1.5
-        self._terrain = terrain
+        self._solidus, self._widest = scene.lava.solidus, self.accuracy.radius / 1.5
 
     @staticmethod
     def step_limit(scene: Scene, accuracy: Accuracy, reach: float) -> float:
@@ -242,7 +237,7 @@ class Part(DevicePart):
 
     def finish_step(self, arguments: Any) -> None:
         """Turn columns that are colder than the solidus into ground."""
-        state, terrain = self.state, self._terrain
+        state, terrain = self.state, self.terrain
         threads = state.rare_threads
         freeze, raise_ground = _kernels(state.real, threads)
         laid = [self._widest, terrain.exact_ground, terrain.deposit]
