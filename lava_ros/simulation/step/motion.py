@@ -56,21 +56,21 @@ def _guard_function(real: Any, is_pushed: bool) -> Any:
 
     @wp.func
     def guarded(
-        m: arguments_type(real), x: real, y: real, displacement: vec2, thickness: real, head: real
+        m: arguments_type(real), place: vec2, displacement: vec2, thickness: real, head: real
     ) -> vec2:
         longest = real(_MAX_DISPLACEMENT_GROWTH) * m.constants.reach
         size = wp.length(displacement)
         reduced = displacement
         if size > longest:
             reduced = displacement * (longest / size)
-        here = height_at(m.ground, x, y) + head
+        here = height_at(m.ground, place.x, place.y) + head
         for _ in range(_HALVINGS):
             fraction = real(1.0)
             if wp.static(not is_pushed):
                 rise = real(_STEEPEST) * wp.length(reduced) / m.constants.radius
                 fraction = wp.min(fraction, rise)
             top = here + fraction * thickness
-            if height_at(m.ground, x + reduced.x, y + reduced.y) <= top:
+            if height_at(m.ground, place.x + reduced.x, place.y + reduced.y) <= top:
                 return reduced
             reduced *= real(0.5)
         return vec2()
@@ -159,7 +159,7 @@ def motion_function(form: Form, effects: Effects) -> Any:
     vec2 = wp.types.vector(2, real)
     # differences and lateral stress push lava up slopes that its own surface slope does not
     guarded = _guard_function(real, form.has_surface or effects.any('is_lateral'))
-    place = bin_function(real, False)
+    put = bin_function(real, False)
     load, store = compiled.access(real, 4)
     load_pair, store_pair = compiled.access(real, 2)
     vec3, vec4 = (wp.types.vector(n, real) for n in (3, 4))
@@ -169,44 +169,34 @@ def motion_function(form: Form, effects: Effects) -> Any:
     @wp.func
     @writing(
         'particle remainder temperature_remainder emission_time base drift mean_temperature cold',
-        place, note,
+        put, note,
     )
     def move_on(i: int, p: vec4, f: vec3, m: arguments_type(real)):
-        x = p[0]
-        y = p[1]
-        dx = m.stage[at.VELOCITY] * f[1]
-        dy = m.stage[at.VELOCITY] * f[2]
-        before = vec2()
+        place = vec2(p[0], p[1])
         start = vec2(f[1], f[2])
+        shift = m.stage[at.VELOCITY] * start
+        before = vec2()
         if wp.static(form.is_staged):  # noqa: SIM102, the static test decides what is compiled
             # displacements, not positions, are combined: this keeps more digits in float32
             if m.counts[at.CURRENT] > 1:
                 b = load(m.ordered_base, i)
                 d = load(m.ordered_drift, i)
-                dx += (
-                    m.stage[at.FORMER] * d[0]
-                    + m.stage[at.BEFORE_FORMER] * b[2]
-                    + m.stage[at.FIRST_VELOCITY] * d[2]
-                )
-                dy += (
-                    m.stage[at.FORMER] * d[1]
-                    + m.stage[at.BEFORE_FORMER] * b[3]
-                    + m.stage[at.FIRST_VELOCITY] * d[3]
-                )
-                x = b[0]
-                y = b[1]
+                place = vec2(b[0], b[1])
                 before = vec2(d[0], d[1])
                 start = vec2(d[2], d[3])
+                shift += (
+                    m.stage[at.FORMER] * before
+                    + m.stage[at.BEFORE_FORMER] * vec2(b[2], b[3])
+                    + m.stage[at.FIRST_VELOCITY] * start
+                )
         if wp.static(form.is_guarded):
             head = real(0.0)
             if wp.static(form.has_velocity):
                 head = (f[1] * f[1] + f[2] * f[2]) / (real(2.0) * m.constants.gravity)
-            displacement = guarded(m, x, y, vec2(dx, dy), f[0], head)
-            dx = displacement[0]
-            dy = displacement[1]
+            shift = guarded(m, place, shift, f[0], head)
         if wp.static(form.is_staged):
-            store(m.base, i, vec4(x, y, before[0], before[1]))
-            store(m.drift, i, vec4(dx, dy, start[0], start[1]))
+            store(m.base, i, vec4(place[0], place[1], before[0], before[1]))
+            store(m.drift, i, vec4(shift[0], shift[1], start[0], start[1]))
             if wp.static(form.has_mean):
                 m.mean_temperature[i] = m.ordered_mean_temperature[i]
         temperature = p[3]
@@ -216,27 +206,25 @@ def motion_function(form: Form, effects: Effects) -> Any:
             m.temperature_remainder[i] = m.ordered_temperature_remainder[i]
         if wp.static(heated is not None):  # noqa: SIM102, the static test decides
             if m.counts[at.IS_LAST] == 1:
-                temperature = heated(i, p, f[0], vec2(x, y), vec2(dx, dy), m)
+                temperature = heated(i, p, f[0], place, shift, m)
         if wp.static(freezes):  # noqa: SIM102, the static test decides
             if m.counts[at.IS_LAST] == 1 and temperature < m.heat.solidus:
                 m.cold[0] = 1
+        new = place + shift
         if wp.static(form.has_remainder):
             rest = load_pair(m.ordered_remainder, i)
-            new = vec2(x, y)
+            new = place
             # past the target nothing moves, not even by rounding
             if m.counts[at.CURRENT] > 0:
-                dx += rest[0]
-                dy += rest[1]
-                new = vec2(x + dx, y + dy)
+                shift += rest
+                new = place + shift
                 if m.counts[at.IS_LAST] == 1:
-                    rest = vec2(dx - (new[0] - x), dy - (new[1] - y))
+                    rest = shift - (new - place)
             store_pair(m.remainder, i, rest)
-            p = vec4(new[0], new[1], p[2], temperature)
-        else:
-            p = vec4(x + dx, y + dy, p[2], temperature)
+        p = vec4(new[0], new[1], p[2], temperature)
         store(m.particle, i, p)
         if wp.static(not form.has_empty):
-            place(i, p, m)
+            put(i, p, m)
         if m.counts[at.IS_LAST] == 1:
             note(p, f[0], m.clock[at.TIME], m)
 
