@@ -154,8 +154,10 @@ class Launches:
             if len(self._packed) >= MAX_CACHED:
                 self._packed.clear()
             # as long as they are kept alive no other object can have their ids
-            packed = [dim, self._record(kernel, dim, arguments), kernel, arguments]
-            self._packed[key] = packed
+            command = wp.launch(
+                kernel, dim=dim, inputs=arguments, device=self._device, record_cmd=True
+            )
+            packed = self._packed[key] = [dim, command, kernel, arguments]
         if packed[0] != dim:
             packed[1].set_dim(dim)
             packed[0] = dim
@@ -166,9 +168,6 @@ class Launches:
         self._packed.clear()
         self._again = None
         self.forgotten += 1
-
-    def _record(self, kernel: Any, dim: int, arguments: list[Any]) -> Any:
-        return wp.launch(kernel, dim=dim, inputs=arguments, device=self._device, record_cmd=True)
 
 
 class _EdgeData(ctypes.Structure):

@@ -6,13 +6,13 @@
 from collections import deque
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from functools import lru_cache
 import math
 from typing import Any
 from weakref import WeakValueDictionary
 
 import numpy as np
 import warp as wp
+from warp.types import type_size_in_bytes
 
 from lava_ros.errors import LavaError
 
@@ -41,10 +41,6 @@ def within_memory() -> Iterator[None]:
         raise OutOfMemoryError('memory', 'used up', expected) from error
 
 
-#: Size of an item of a type [bytes]; Warp counts it again each time.
-_size = lru_cache(wp.types.type_size_in_bytes)
-
-
 def bytes_per_cell(*kinds: Any, without: Collection[str] = ()) -> int:
     """Return the memory that the two-dimensional arrays of structs take for each cell [bytes].
 
@@ -53,7 +49,7 @@ def bytes_per_cell(*kinds: Any, without: Collection[str] = ()) -> int:
     items = [item for kind in kinds for item in kind.vars.items()]
     types = [item.type for name, item in items if name not in without]
     maps = [one for one in types if isinstance(one, wp.array) and one.ndim == 2]
-    return sum(_size(one.dtype) for one in maps)
+    return sum(type_size_in_bytes(one.dtype) for one in maps)
 
 
 def zeros(items: Mapping[str, tuple[Any, tuple[int, ...]]], device: Any) -> dict[str, Any]:
@@ -69,11 +65,11 @@ def zeros(items: Mapping[str, tuple[Any, tuple[int, ...]]], device: Any) -> dict
     Raises:
         RuntimeError: If memory is insufficient.
     """
-    piece = _size(_PIECE)
+    piece = type_size_in_bytes(_PIECE)
     starts, end = {}, 0
     for name, (dtype, shape) in items.items():
         starts[name] = end
-        end += -(-math.prod(shape) * _size(dtype) // piece)
+        end += -(-math.prod(shape) * type_size_in_bytes(dtype) // piece)
     if wp.get_device(device).is_cuda:
         block = wp.zeros(end, dtype=_PIECE, device=device)
         first_piece = block.ptr

@@ -134,8 +134,6 @@ def _kernels(real: Any, kernel_name: str, effects: Effects, threads: int) -> tup
 class Part(DevicePart):
     """The exchange of heat between columns at the end of a step."""
 
-    finishes_step = True
-
     def prepare(self, scene: Scene) -> None:
         """Prepare for the scene's conductivity and the longest possible step."""
         accuracy, state, lava = self.accuracy, self.state, scene.lava

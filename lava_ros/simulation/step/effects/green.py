@@ -223,8 +223,6 @@ class Part(DevicePart):
     ``source`` and ``area`` must be filled; the kernel radius cuts the function off.
     """
 
-    moves_particles = True
-
     def compute_velocity(self, arguments: Any) -> None:
         """Replace the local velocity in ``flow`` by the Green's function's."""
         state = self.state

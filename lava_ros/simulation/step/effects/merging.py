@@ -232,8 +232,6 @@ def _split_kernel(form: Form, is_ordered: bool, threads: int) -> Any:
 class Part(DevicePart):
     """The pass that merges and splits particles."""
 
-    finishes_step = True
-
     def prepare(self, scene: Scene) -> None:
         """Store the intended area and volume of particles."""
         assert self.accuracy.spacing is not None

@@ -214,7 +214,6 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
 class Part(DevicePart):
     """The pass that lets lava solidify."""
 
-    finishes_step = True
     terrain: RaisedTerrain
 
     def prepare(self, scene: Scene) -> None:
