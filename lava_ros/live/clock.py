@@ -101,7 +101,7 @@ class ClockWatch:
             stamp_ns: Time of the clock [ns], 0 before it is received.
             now: Wall time [s].
             worker: Status of the simulation that follows the clock.
-            is_simulated: Whether the time comes from the topic ``/clock``.
+            is_simulated: True if the time comes from the topic ``/clock``.
 
         Returns:
             Reasons why simulated time does not follow the clock, by kind: ``clock``, ``ahead``,

@@ -162,7 +162,7 @@ def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]
 
     With ``x_end`` and ``y_end`` that are not NaN, a vent is a fissure. With a field ``time``, the
     points of one id at one position are one vent. The discharge of each point applies from its
-    simulated time [s] until that of the next point.
+    simulated time [s] until the time of the next point.
     """
     _check_message('vents', cloud.header, settings, cloud.data)
     count = cloud.width * cloud.height

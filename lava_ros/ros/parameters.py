@@ -57,7 +57,7 @@ class ParameterSpec:
     Attributes:
         description: Meaning and unit.
         limits: Smallest and largest value of a number.
-        read_only: Whether it is fixed while the node is configured.
+        read_only: True if it is fixed while the node is configured.
         choices: Valid strings or, of a list, valid elements; empty: any.
         read: Converts the value of a parameter that is not a list to its setting.
     """

@@ -403,7 +403,7 @@ class ParticlePublisher:
         """Create the publisher."""
         self._worker, self._graph = worker, graph
         self._publisher: Any = None
-        # the name stays that of this publisher, even while there is none
+        # the name belongs to this publisher, even while there is none
         self._offer(True)
         self._read = graph.create('guard_condition', self._publish)
         self._wanted: tuple[Snapshot, int] | None = None

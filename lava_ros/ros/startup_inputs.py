@@ -64,7 +64,7 @@ class StartupInputs:
         frame_id: Frame of the messages of its bag, empty without one.
         given: Digests of the given inputs (``live.restart.digests``).
         restart_file: File with the progress of the run, None without a ``restart_token``.
-        is_restart: Whether a killed node is restarted. Its checkpoint takes precedence over
+        is_restart: True if a killed node is restarted. Its checkpoint takes precedence over
             parameters.
         progress: Progress of the killed node, None for the first start of a run.
         vents_taken: Publications on ``vents`` that the checkpoint includes.
@@ -98,7 +98,7 @@ def load_startup_inputs(node: Node, *, may_restart: bool = False) -> StartupInpu
 
     Args:
         node: Node that has the parameters.
-        may_restart: Whether to continue the run that has the ``restart_token``, if there is one.
+        may_restart: True to continue the run that has the ``restart_token``, if there is one.
 
     Raises:
         LavaError: If a file or a bag is not usable, or both a scene and a bag to resume are given.
@@ -239,7 +239,7 @@ def overrides_from_checkpoint(
         values: Parameters as given.
         defaults: Their defaults.
         frame_id: Frame of its coordinates, empty if it is unknown.
-        is_restart: Whether a killed node is restarted. The checkpoint then takes precedence,
+        is_restart: True if a killed node is restarted. The checkpoint then takes precedence,
             because parameters may have been changed while the node ran.
 
     Raises:

@@ -71,7 +71,7 @@ def footprint_cells(inundated: np.ndarray) -> np.ndarray:
 def area_of(cells: np.ndarray, resolution: float) -> float:
     """Return the area of a mask or of fractions of cells [m2].
 
-    The inundated area is that of the inundated fraction.
+    The inundated area is the area of the inundated fraction.
 
     Args:
         cells: Mask, bool, or fraction (``Snapshot.inundated``), NaN without data, shape [rows,

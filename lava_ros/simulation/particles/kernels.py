@@ -287,7 +287,7 @@ def _powers_of() -> str:
     In sums over neighbours K0 is the weight of a mean, and most of the work of the slowest pass.
     The slowest operations are not multiplications but those for which a GPU has one unit in
     eight: log2, 2^x and the root. So all of log2 K0 is one polynomial of log2 r^2, without a
-    root: the sum of that of log2(e^x K0) around the middle of the octaves, and that of x.
+    root: the sum of the polynomials of log2(e^x K0) around the middle of the octaves, and of x.
     """
     degree = len(_K0) - 1
     lines = [f'float p{n} = {power!r}f;' for n, power in enumerate(_K0)]
@@ -328,7 +328,7 @@ def _exp2(real: Any) -> Any:
 def k0_within(real: Any) -> K0Within:
     """Return K0 for sums over neighbours.
 
-    In float64 it is that of ``bessel``. In float32 it is accurate to 2e-4 for k times the support
+    In float64 it is K0 of ``bessel``. In float32 it is accurate to 2e-4 for k times the support
     from 0.05 to 1, to 4e-4 up to 5, and to 2e-3 up to 30, where only a particle's own weight
     counts.
     """

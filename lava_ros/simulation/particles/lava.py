@@ -59,7 +59,7 @@ class ParticleLava:
         raster: The terrain's cells, for maps.
         stage: The kernels of one stage of a step.
         vents: The vents on the device.
-        volume_before: Volume on the terrain at the start, plus that of former vents [m3].
+        volume_before: Volume on the terrain at the start, plus the emission of former vents [m3].
         most_particles: Maximum number of particles at any readback so far.
         is_empty: True if there was no particle at the latest readback.
         keeps_peaks: False: observations gather the peaks.

@@ -56,7 +56,7 @@ class Form(NamedTuple):
         is_guarded: True if displacements are limited; a step of fixed length is not.
         has_velocity: True if particles have momentum.
         has_remainder: True if they carry rounding errors, with float32.
-        has_temperature_remainder: True if they carry that of the temperature.
+        has_temperature_remainder: True if they carry the rounding error of the temperature.
         has_mean: True if the mean temperature around a particle decides how it moves.
         has_age: True if particles know their time of emission.
         has_slope: True if the slope of the surface is kept for the heat balance.
@@ -282,7 +282,7 @@ def cell_frame(real: Any) -> Any:
     and ``first_column`` locate the window in the grid of the whole terrain. Lava before column
     ``west`` or row ``south``, or at or beyond ``east`` or ``north``, is near the window's border.
     ``starts`` is the index of each cell's first ordered particle, shape [at least cells + 2]; the
-    item after the last cell is the number of particles on the terrain, the next that of all.
+    item after the last cell is the number of particles on the terrain, the next the number of all.
     ``sizes`` counts the particles of each cell during binning, and is 0 otherwise.
     """
 

@@ -35,7 +35,7 @@ from lava_ros.simulation.particles.terrain import StaggeredTerrain
 WHOLE = 2**14
 
 #: Initial margin of a window on each side of the lava, minimum length of an extension [radii], and
-#: the length of an extension over that of the window: each stage visits all of its cells.
+#: the length of an extension over the length of the window: each stage visits all of its cells.
 MARGIN, PIECE, GROWTH = 16.0, 12.0, 1.0
 
 #: Distance from the window's border at which lava requests an extension [radii]; some more steps
@@ -57,7 +57,7 @@ MAX_CELLS = 2**26
 MAX_DISTANCE = 2**20
 
 #: Maximum number of particles in a cell; evenly spread lava has one. It bounds the cost of sums
-#: over neighbours relative to that of evenly spread lava.
+#: over neighbours relative to the cost with evenly spread lava.
 MAX_PARTICLES_PER_CELL = 2**15
 
 
@@ -97,7 +97,7 @@ def _kernels(form: Form) -> tuple[Any, ...]:
 
     @wp.func
     def rank_of(i: int, first: int, end: int, members: wp.array(dtype=wp.int32)) -> int:
-        """Return the rank of a particle by number among those of its cell."""
+        """Return the rank of a particle by number among the particles of its cell."""
         before = wp.int32(0)
         for k in range(first, end):
             if compiled.load_int(members, k) < i:

@@ -5,7 +5,7 @@
 
 Ground beyond the border of a terrain, or on cells without data, is unknown. Along a line through a
 known point it is assumed to continue the mean slope from there to the last known point. So unknown
-ground beside or behind lava changes little, and a path ends where unknown ground is the lowest.
+ground next to or behind lava changes little, and a path ends where unknown ground is the lowest.
 """
 
 from dataclasses import replace
@@ -106,7 +106,7 @@ def _circle(
     """Return elevations [m] on a circle, and True where they are known, shape [directions].
 
     ``offsets`` are distances from the centre [m], the last is the radius. Where even the first is
-    on unknown ground, the elevation is that of the plane through the centre and the known points
+    on unknown ground, the elevation is on the plane through the centre and the known points
     at the first distance.
     """
     height = _sampled(terrain, centre + offsets[-1] * directions)

@@ -259,7 +259,7 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
 def move_particles(state: State, arguments: Any, choice: StageChoice, motion: Any) -> None:
     """Move the ordered particles over the stage by the velocity in ``state.flow``.
 
-    ``motion`` is that of ``motion_function``.
+    ``motion`` is the result of ``motion_function``.
     """
     launch_over(
         state,

@@ -63,8 +63,8 @@ _MIN_PARTICLES_PER_PART = MIN_SUMS // 2
 def _sums_function(real: Any, lanes: int, parts: int) -> Any:
     """Return the device function of the K0-weighted sums of area and of volume times velocity.
 
-    The sums are those of ``sum_neighbors``. Distances are in the units of ``K0Within``, ``least``
-    is the minimum square of one, ``powers`` the values that K0 needs of k.
+    It is a ``sum_neighbors``. Distances are in the units of ``K0Within``, ``min_square`` is the
+    minimum square of one, ``powers`` the values that K0 needs of k.
     """
     vec3, vec4 = (wp.types.vector(n, real) for n in (3, 4))
     (load, _), load_number = access(real, 4), load1(real)

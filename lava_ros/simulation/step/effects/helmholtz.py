@@ -62,7 +62,7 @@ LARGEST_EIGENVALUE = 2.0
 def _sums_function(real: Any, kernel: SmoothingKernel, lanes: int, parts: int) -> Any:
     """Return the device function of the neighbour sums of A_j h_ij F_ij and of its pull.
 
-    The sums are those of ``sum_neighbors``. F is without ``norm``, ``factor`` and l^4; the pull is
+    It is a ``sum_neighbors``. F is without ``norm``, ``factor`` and l^4; the pull is
     the sum weighted by u_j - u_i. The particle is its own neighbour.
     """
     vec2, vec3, vec4 = (wp.types.vector(n, real) for n in (2, 3, 4))
