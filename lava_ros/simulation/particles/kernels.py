@@ -116,6 +116,7 @@ class SmoothingKernel(NamedTuple):
             spaced particles, including the particle itself, over their thickness. It is the
             aliasing of the kernel's transform, measured on hexagonal and square lattices (after
             Dehnen & Aly 2012, who subtract it from the particle's own weight).
+        excess_power: Power of its argument to which ``excess`` is proportional.
     """
 
     norm: float
@@ -126,6 +127,7 @@ class SmoothingKernel(NamedTuple):
     wide_terms: str | None
     stiffness: float
     excess: Any
+    excess_power: float
 
 
 @lru_cache
@@ -191,11 +193,11 @@ def smoothing_kernel(name: str, real: Any) -> SmoothingKernel:
         return real(0.0)
 
     kernels = {
-        'wendland': (7.0, wendland_shape, wendland_slope, 10.18, wendland_excess),
-        'poly6': (4.0, poly6_shape, poly6_slope, 6.76, no_excess),
-        'spiky': (10.0, spiky_shape, spiky_slope, 10.28, spiky_excess),
+        'wendland': (7.0, wendland_shape, wendland_slope, (10.18, wendland_excess, 2.5)),
+        'poly6': (4.0, poly6_shape, poly6_slope, (6.76, no_excess, 1.0)),
+        'spiky': (10.0, spiky_shape, spiky_slope, (10.28, spiky_excess, 1.5)),
     }
-    norm, shape, slope, stiffness, excess = kernels[name]
+    norm, shape, slope, others = kernels[name]
     vec2 = wp.types.vector(2, real)
     what_is_left = _one_less(real)
 
@@ -214,7 +216,7 @@ def smoothing_kernel(name: str, real: Any) -> SmoothingKernel:
     both: tuple[Any, tuple[float, float], str | None] = (terms, (1.0, 1.0), None)
     if name == 'wendland':
         both = (wendland_terms, (-4.0, -20.0), _WIDE_WENDLAND)
-    return SmoothingKernel(norm / math.pi, shape, slope, *both, stiffness, excess)
+    return SmoothingKernel(norm / math.pi, shape, slope, *both, *others)
 
 
 @lru_cache

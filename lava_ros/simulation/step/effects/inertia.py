@@ -59,9 +59,6 @@ STRENGTH = 3.0
 #: Relative tolerance of the slope of the drag, and maximum number of iterations.
 _CHANGE, _ITERATIONS = 1e-6, 40
 
-#: The excess of a kernel's sum (``kernels.py``) is proportional to this power of V / (h l^2).
-_EXCESS_POWERS = {'wendland': 2.5, 'spiky': 1.5}
-
 
 @lru_cache
 def _column_function(real: Any, effects: Effects) -> Any:
@@ -136,8 +133,9 @@ def _drag_function(real: Any, effects: Effects) -> Any:
 def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
     vec2, vec3 = (wp.types.vector(n, real) for n in (2, 3))
     kernel = smoothing_kernel(kernel_name, real)
-    norm, derivative, excess = kernel.norm, kernel.slope, kernel.excess
-    power = _EXCESS_POWERS.get(kernel_name, 1.0)
+    norm, derivative, excess, power = (
+        kernel.norm, kernel.slope, kernel.excess, kernel.excess_power
+    )
     gradient_at, curvature_at, height_at, *_ = terrain_functions(real)
     _, _, cells_around, range_in = cell_functions(real)
     raised = raise_to(real)
