@@ -297,8 +297,7 @@ class Raster:
     COUNT = 2
 
     def __init__(
-        self, terrain: StaggeredTerrain, radius: float, kernel: str, device: Any, *, reach: float,
-        more: int = 0,
+        self, terrain: StaggeredTerrain, radius: float, kernel: str, *, reach: float, more: int
     ) -> None:
         """Allocate the grids.
 
@@ -306,14 +305,11 @@ class Raster:
             terrain: The ground.
             radius: Radius of the output's kernel [m], l_render in the paper.
             kernel: Name of the kernel.
-            device: Warp device.
             reach: Distance from a particle at which there can be lava of it [m].
             more: Number of additional grids for callers to fill.
         """
-        self._terrain = terrain
-        self._radius = radius
-        self._kernel = kernel
-        self._device = device
+        self._terrain, self._radius, self._kernel = terrain, radius, kernel
+        device = terrain.known.device
         shape = (self.COUNT + more, terrain.ground.rows, terrain.ground.columns)
         self.grids = wp.zeros(shape, dtype=wp.float32, device=device)
         self.thickness, self.temperature = self.grids[0], self.grids[1]

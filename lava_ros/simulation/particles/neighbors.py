@@ -161,14 +161,11 @@ class NeighborGrid:
             then counted as such, though they are not dropped yet.
     """
 
-    def __init__(
-        self, terrain: StaggeredTerrain, radius: float, ratio: float, device: Any
-    ) -> None:
+    def __init__(self, terrain: StaggeredTerrain, radius: float, ratio: float) -> None:
         """Divide the terrain into cells for a kernel radius [m] and its ratio to the spacing."""
         self._terrain = terrain
         self._radius, self._spacing = radius, radius / ratio
         rows, columns = cells_to_radius(ratio)
-        self._device = device
         ground = terrain.exact_ground
         self.cells = cell_frame(terrain.height.dtype)()
         self.cells.x0, self.cells.y0 = ground.x0, ground.y0
@@ -266,10 +263,12 @@ class NeighborGrid:
         self.is_binned = False
         # always 0 except while particles are binned
         room = 4 * math.ceil((cells.rows * cells.columns + 2) / 4)
-        cells.sizes = wp.zeros(room, dtype=wp.int32, device=self._device)
-        cells.starts = wp.zeros(room, dtype=wp.int32, device=self._device)
+        device = self._terrain.height.device
+        cells.sizes, cells.starts = (
+            wp.zeros(room, dtype=wp.int32, device=device) for _ in range(2)
+        )
         self.cells = cells
-        self._scan = Scan(room, self._device)
+        self._scan = Scan(room, device)
 
     def bin(self, state: State, arguments: Any) -> None:
         """Assign each particle to its cell, as a motion that sets ``is_binned`` does."""
