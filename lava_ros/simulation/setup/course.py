@@ -32,7 +32,7 @@ from lava_ros.effects.heat import host_temperature
 from lava_ros.effects.laws import Rheology
 from lava_ros.effects.scales import Columns
 from lava_ros.scene import Scene, Terrain, Vent
-from lava_ros.simulation.setup.descent import averaged, descent, profiles, slope_at
+from lava_ros.simulation.setup.descent import average_terrain, find_path, sample_profiles, slope_at
 
 #: Quantile of the widths along the path: the narrow parts are those that must be resolved.
 NARROW = 0.25
@@ -252,12 +252,12 @@ def _follow(
     rheology = Rheology(lava, effects)
     viscosity = rheology.viscosity_at(source.temperature)
     scale = (3.0 * viscosity * source.discharge / weight) ** 0.25
-    terrain = averaged(scene.terrain, round(_CELL * scale / scene.terrain.resolution))
+    terrain = average_terrain(scene.terrain, round(_CELL * scale / scene.terrain.resolution))
     x0, y0, x1, y1 = terrain.extent
     level = _HUPPERT * (weight * source.discharge**3 / (3.0 * viscosity)) ** 0.125
     level = max(level * math.sqrt(horizon), 2.0 * source.radius)
     level = min(level, math.hypot(x1 - x0, y1 - y0))
-    path, height = descent(terrain, tuple(source.places.mean(axis=0).tolist()))
+    path, height = find_path(terrain, tuple(source.places.mean(axis=0).tolist()))
     if len(path) < 3:
         slope = slope_at(scene.terrain, source.places.mean(axis=0))
         return _on_level_ground(source, scale, level, slope, effects), 0.0
@@ -371,7 +371,7 @@ def _normal_depth(
     """
     offset = widest[:, None] * np.linspace(-0.5, 0.5, _SAMPLES)
     across = np.column_stack([-along[:, 1], along[:, 0]])
-    ground, _ = profiles(terrain, points, across, offset)
+    ground, _ = sample_profiles(terrain, points, across, offset)
     middle = _SAMPLES // 2
     # there is lava where no higher ground lies between a sample and the path
     ground[:, middle:] = np.maximum.accumulate(ground[:, middle:], axis=1)
