@@ -412,9 +412,8 @@ class ParticlePublisher:
     def _offer(self, is_offered: bool) -> None:
         """Create the publisher, or drop it."""
         if is_offered and self._publisher is None:
-            profile = qos.ros_profile(qos.NEWEST)
             self._publisher = self._graph.create(
-                'publisher', PointCloud2, 'lava_particles', profile
+                'publisher', PointCloud2, 'lava_particles', qos.ros_profile(qos.NEWEST)
             )
         elif self._publisher is not None and not is_offered:
             self._graph.drop(self._publisher)

@@ -18,7 +18,6 @@ from lava_ros.layers.layer_files import find_config
 from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.clock import ClockWatch
 from lava_ros.live.error_measurement import ErrorMeasurement
-from lava_ros.live.recorder import BagFolder
 from lava_ros.live.recording_control import BagSettings, RecordingControl
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
@@ -78,9 +77,6 @@ class NodeRuntime:
         self.settings = settings
         self.failure: BaseException | None = None
         self._given, progress = startup.given, startup.progress
-        self._bag_folder = BagFolder(
-            settings.bag_root, settings.bag_directory, node=node.get_fully_qualified_name()
-        )
         names = ['msg_config', 'forecast_config'][: 2 if settings.forecast_horizon else 1]
         configs = {name: find_config(getattr(settings, name), field=name) for name in names}
         features = load_places(settings.places)
@@ -112,7 +108,7 @@ class NodeRuntime:
             CheckpointRecording(
                 self._recorder, self.worker.checkpoint, lambda: self.inputs.vents, progress
             ),
-            self._bag_folder,
+            startup.bag_folder,
             lambda: BagSettings(
                 self.settings.bag_directory, self.settings.bag_max_size,
                 self.settings.bag_max_duration, self.settings.checkpoint_period,
@@ -208,7 +204,7 @@ class NodeRuntime:
         old = self.settings
         # an unchanged name that has become invalid in the meantime does not block other settings
         if settings.bag_directory != old.bag_directory:
-            self._bag_folder.path(settings.bag_directory)
+            self._bags.folder.path(settings.bag_directory)
         if (settings.forced, settings.horizon) != (old.forced, old.horizon):
             self.allowance.take('effects')
 

@@ -6,6 +6,7 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 import math
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
@@ -63,6 +64,7 @@ class StartupInputs:
         onset: Date of simulated time 0 in its bag or in the scene, empty without one.
         frame_id: Frame of the messages of its bag, empty without one.
         given: Digests of the given inputs (``live.restart.digests``).
+        bag_folder: Folder of the bags.
         restart_file: File with the progress of the run, None without a ``restart_token``.
         is_restart: True if a killed node is restarted. Its checkpoint takes precedence over
             parameters.
@@ -78,6 +80,7 @@ class StartupInputs:
     onset: str = ''
     frame_id: str = ''
     given: Mapping[str, str] = field(default_factory=dict)
+    bag_folder: BagFolder = field(default_factory=partial(BagFolder, '', ''))
     restart_file: RestartFile | None = None
     is_restart: bool = False
     progress: Progress | None = None
@@ -104,8 +107,12 @@ def load_startup_inputs(node: Node, *, may_restart: bool = False) -> StartupInpu
         LavaError: If a file or a bag is not usable, or both a scene and a bag to resume are given.
     """
     values = node_parameters.declare(node, parameters.SOURCES + _RESTART)
-    check_token(values['restart_token'])
-    file = _restart_file(node, values) if values['restart_token'] else None
+    token = values['restart_token']
+    check_token(token)
+    folder = BagFolder(
+        values['bag_root'], values['bag_directory'], node=node.get_fully_qualified_name()
+    )
+    file = RestartFile(folder.restart_path(token)) if token else None
     progress = _progress(node, file) if file is not None and may_restart else None
     try:
         given = _given(node, values)
@@ -115,12 +122,12 @@ def load_startup_inputs(node: Node, *, may_restart: bool = False) -> StartupInpu
         warning = f'the inputs cannot be compared with those of {progress.bag}: {error}'
         node.get_logger().warning(warning)
         given = StartupInputs(given=progress.given)
-    given = replace(given, restart_file=file)
+    given = replace(given, bag_folder=folder, restart_file=file)
     if progress is not None:
         if differs := differing(given.given, progress.given):
             node.get_logger().warning(
                 f'not resuming {progress.bag}: {", ".join(differs)} differ from those of the run '
-                f'with the restart_token {values["restart_token"]}; this is a new run'
+                f'with the restart_token {token}; this is a new run'
             )
         elif (restarted := _restarted(node, progress, given)) is not None:
             return restarted
@@ -149,13 +156,6 @@ def _given(node: Node, values: Mapping[str, Any]) -> StartupInputs:
     return StartupInputs(
         scene=scene, terrain=None if scene else terrain, onset=onset, given=given
     )
-
-
-def _restart_file(node: Node, values: Mapping[str, Any]) -> RestartFile:
-    folder = BagFolder(
-        values['bag_root'], values['bag_directory'], node=node.get_fully_qualified_name()
-    )
-    return RestartFile(folder.restart_path(values['restart_token']))
 
 
 def _progress(node: Node, file: RestartFile) -> Progress | None:

@@ -55,7 +55,7 @@ class NodeServices:
     def set_effects(self):
         """Change a setting of the effects and return the result as a response."""
         node = SimpleNamespace(
-            settings=Settings(), allowance=self.allowance, _bag_folder=self.active
+            settings=Settings(), allowance=self.allowance, _bags=self.active
         )
         try:
             NodeRuntime.check(node, Settings(effects_on=('inertia',)))
