@@ -41,7 +41,7 @@ EFFECT = Effect(
         'exchange': Array('real'),
         'warmth': Array('real'),
         # time since the last exchange, and duration of the current one, 0 for none [s]
-        'waited': Array('float64', 2, is_saved=True),
+        'waited': Array('float64', (2,), is_saved=True),
     },
     benchmark={'conductivity': 2.0},
 )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -104,20 +104,27 @@ def join_names(
     return joined
 
 
-@dataclass(frozen=True)
-class Array:
-    """An array that an effect keeps on the device.
+class Array(NamedTuple):
+    """An array on the device.
 
     Attributes:
-        dtype: ``real``, ``vec2`` or ``vec4`` of the state's precision, ``int32`` or ``float64``.
-        count: Number of items, None for one per particle.
-        is_carried: True if particles carry it from step to step.
+        dtype: ``real`` or a vector of it (``vec2``, ``vec3``, ``vec4``) of the state's precision,
+            ``int32``, ``float32`` or ``float64``.
+        shape: Dimensions: ``particle`` (the capacity), ``row`` and ``column`` of the terrain's
+            cells, or a number of items.
+        only_if: Property of ``layout.Form`` without which the array is not allocated.
+        is_carried: True if particles carry it from step to step, or with ``is_of_step`` from stage
+            to stage. Such an array has a twin in the order of the cells (``ordered``), named
+            ``ordered_`` and its name.
+        is_of_step: True if it is meaningless between two steps.
         is_saved: True if checkpoints contain it; they always contain carried arrays.
     """
 
     dtype: str
-    count: int | None = None
+    shape: tuple[int | str, ...] = ('particle',)
+    only_if: str = ''
     is_carried: bool = False
+    is_of_step: bool = False
     is_saved: bool = False
 
 

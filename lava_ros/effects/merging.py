@@ -15,7 +15,7 @@ EFFECT = Effect(
         'births': Array('int32'),
         'slots': Array('int32'),
         # displacement since the last pass, and whether one is due
-        'moved': Array('float64', 2, is_saved=True),
+        'moved': Array('float64', (2,), is_saved=True),
     },
     removes_particles=True,
 )

@@ -17,7 +17,7 @@ EFFECT = Effect(
     exists=lambda lava: lava.solidus > 0.0,
     arrays={
         # 1 if a particle became colder than the solidus in this step
-        'cold': Array('int32', 1),
+        'cold': Array('int32', (1,)),
     },
     freezes=True,
     removes_particles=True,

@@ -92,7 +92,7 @@ class ClockWatch:
         self._jumps, self._jumped = 0, -math.inf
         self._lost, self._losing = 0.0, -math.inf
 
-    def look(
+    def warnings(
         self, stamp_ns: int, now: float, worker: WorkerStatus, *, is_simulated: bool
     ) -> dict[str, str]:
         """Return warnings about the clock.
@@ -101,7 +101,7 @@ class ClockWatch:
             stamp_ns: Time of the clock [ns], 0 before it is received.
             now: Wall time [s].
             worker: Status of the simulation that follows the clock.
-            is_simulated: Whether the time comes from the topic ``/clock``.
+            is_simulated: True if the time comes from the topic ``/clock``.
 
         Returns:
             Reasons why simulated time does not follow the clock, by kind: ``clock``, ``ahead``,

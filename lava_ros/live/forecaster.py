@@ -65,10 +65,10 @@ class DutyCycle:
         self._share = 0.0 if is_behind else min(1.0, self._share + increase)
         self._noted = now
 
-    def share(self, most: float, device: str) -> float:
-        """Return the current fraction on a device, at most ``most``."""
-        least = MIN_DUTY_CYCLES[device.partition(':')[0]]
-        return min(max(round(self._share, 1), least), most)
+    def share(self, max_share: float, device: str) -> float:
+        """Return the current fraction on a device, at most ``max_share``."""
+        min_share = MIN_DUTY_CYCLES[device.partition(':')[0]]
+        return min(max(round(self._share, 1), min_share), max_share)
 
 
 def start_process() -> ChildProcess:
@@ -129,8 +129,9 @@ class Forecaster:
             return 'the scene or the effects have changed'
         if self.worker.status.state is WorkerState.FAILED:
             return 'the simulation has failed'
-        age, most = self.age(forecast), self.rules().max_age
-        return f'it is {age:.0f} s old, and valid for at most {most:.0f} s' if age > most else ''
+        age, max_age = self.age(forecast), self.rules().max_age
+        text = f'it is {age:.0f} s old, and valid for at most {max_age:.0f} s'
+        return text if age > max_age else ''
 
     def start(self) -> None:
         """Start the thread."""

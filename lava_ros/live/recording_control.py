@@ -46,8 +46,8 @@ class RecordingControl:
         folder: Folder of the bags.
         settings: Returns the current settings.
         restart_file: File with the progress of the run, None if it is not to be restarted.
-        is_wanted: Whether a recording is to run.
-        is_restart: Whether this process continues a killed one, so that its bag may exist.
+        is_wanted: True if bags are to be recorded.
+        is_restart: True if this process continues a killed one, so that its bag may exist.
         clock: Returns wall time [s].
     """
 
@@ -112,7 +112,7 @@ class RecordingControl:
         Args:
             stamp_ns: ROS time [ns].
             changes: Number of changes of the scene and its effects so far.
-            is_active: Whether a recording may start.
+            is_active: True if a recording may start.
 
         Returns:
             The reason why a checkpoint could not be taken, empty without an error.

@@ -42,9 +42,9 @@ class Progress:
         time: Simulated time of the newest maps [s].
         stamp_ns: ROS time at which they were published [ns].
         behind: Simulated time by which a resumed simulation was still behind the clock [s].
-        is_held: Whether simulated time was held.
-        is_paused: Whether it was held by ``~/pause``.
-        is_recording: Whether a recording was wanted.
+        is_held: True if simulated time was held.
+        is_paused: True if it was held by ``~/pause``.
+        is_recording: True if a recording was wanted.
         given: Digests of the inputs given at the start (``digests``).
         vents: Publications on ``vents`` that the checkpoint includes: source timestamp and
             sequence number of each.

@@ -52,7 +52,7 @@ class Origin(NamedTuple):
 class Fork(NamedTuple):
     """A copy of the state, from which another simulation can start.
 
-    ``changes`` is ``SimulationSession.changes`` at the copy, ``clock`` the time of the clock that
+    ``changes`` is ``SessionView.changes`` at the copy, ``clock`` the time of the clock that
     simulated time follows [s], and ``wall_time`` the wall time of the copying [s].
     """
 
@@ -143,26 +143,6 @@ class SimulationSession:
     def scene(self) -> Scene | None:
         """Current scene, None without a terrain."""
         return self.view.scene
-
-    @property
-    def schedule(self) -> tuple[Vent, ...]:
-        """Vents of the scene with their discharges over the whole run."""
-        return self.view.schedule
-
-    @property
-    def origin(self) -> Origin | None:
-        """Checkpoint from which the simulation was resumed."""
-        return self.view.origin
-
-    @property
-    def effects(self) -> Mapping[str, str]:
-        """Table of effects."""
-        return self.view.effects
-
-    @property
-    def changes(self) -> int:
-        """Number of changes that make a forecast invalid."""
-        return self.view.changes
 
     def _put(self, **values: Any) -> None:
         """Replace published values."""
@@ -318,7 +298,7 @@ class SimulationSession:
             self._note_change(
                 is_noise=self._is_like_counted(scene),
                 scene=scene,
-                schedule=schedule(self.schedule, vents, self.simulation.time),
+                schedule=schedule(self.view.schedule, vents, self.simulation.time),
             )
 
     def add_vents(self, vents: Sequence[Vent]) -> dict[int, LavaError]:
@@ -381,7 +361,7 @@ class SimulationSession:
     def fail(self) -> None:
         """Drop the simulation after a failure; the scene and the last snapshot remain."""
         self.simulation = None
-        self._put(time=0.0, step=0.0, device='', accuracy=None, changes=self.changes + 1)
+        self._put(time=0.0, step=0.0, device='', accuracy=None, changes=self.view.changes + 1)
 
     def renew_snapshot(self) -> bool:
         """Update ``latest``; return True if it changed.
@@ -421,7 +401,7 @@ class SimulationSession:
         """Publish a change; noise of a sensor is not counted in ``changes``."""
         simulation = self.simulation
         if simulation is not None:
-            effects, changes = simulation.effects, self.changes
+            effects, changes = simulation.effects, self.view.changes
             decisions = simulation.decisions()
             if not is_noise or effects != self._counted[1]:
                 changes += 1

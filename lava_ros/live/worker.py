@@ -190,7 +190,7 @@ class SimulationWorker:
         checkpoint = self.session.checkpoint()
         # the state belongs to an earlier time of the clock
         clock = self.clock() - self.pace.age / self.pace.scale
-        return Fork(checkpoint, self.session.changes, clock, time.monotonic() - begun)
+        return Fork(checkpoint, self.session.view.changes, clock, time.monotonic() - begun)
 
     @command('terrain')
     def set_terrain(self, terrain: Terrain) -> None:
@@ -289,9 +289,22 @@ class SimulationWorker:
             raise RefusalError('step', problem, 'Pause it first')
         self.pace.step_target = self.session.time + duration
 
+    @command('snapshot')
     def request_snapshot(self) -> None:
-        """Request an update of ``latest``; ``on_snapshot`` is called even without a change."""
-        self._begin_snapshot()
+        """Begin an update of ``latest``; ``on_snapshot`` is called even without a change."""
+        finishing = self._finishing
+        if finishing is not None and not finishing.done():
+            finishing.add_done_callback(lambda _: self.request_snapshot())
+            return
+        # Maps are due when the clock has advanced, so simulate to its current time first.
+        self._guard(self._advance)
+        rest = self.session.begin_snapshot()
+        if rest is None:
+            # a layer that has just become due may not have published the current snapshot
+            self._report_snapshot()
+        else:
+            simulation = self.session.simulation
+            self._finishing = self._finisher.submit(self._finish_snapshot, rest, simulation)
 
     def _run(self) -> None:
         while not self._is_stopping:
@@ -444,22 +457,6 @@ class SimulationWorker:
         if finishing is not None:
             wait([finishing])
         return self.session.renew_snapshot() or finishing is not None
-
-    @command('snapshot')
-    def _begin_snapshot(self) -> None:
-        finishing = self._finishing
-        if finishing is not None and not finishing.done():
-            finishing.add_done_callback(lambda _: self._begin_snapshot())
-            return
-        # Maps are due when the clock has advanced, so simulate to its current time first.
-        self._guard(self._advance)
-        rest = self.session.begin_snapshot()
-        if rest is None:
-            # a layer that has just become due may not have published the current snapshot
-            self._report_snapshot()
-        else:
-            simulation = self.session.simulation
-            self._finishing = self._finisher.submit(self._finish_snapshot, rest, simulation)
 
     def _finish_snapshot(self, rest: Callable[[], None], simulation: 'Simulation | None') -> None:
         """Complete a snapshot; an error is a failure of its simulation."""

@@ -33,7 +33,7 @@ class WorkerStatus:
         error: Reason of the failure, empty unless the state is FAILED.
         speed: Simulated time per wall time over the last seconds.
         mean_speed: Simulated time per wall time since the start, without pauses.
-        is_behind: Whether simulated time falls behind the clock.
+        is_behind: True if simulated time falls behind the clock.
         device: Name of the simulation's device, empty before there is one.
         lag: Lag of simulated time behind the time of the clock before its newest step, without
             the wait for the end of a time step [s of the clock].
@@ -44,7 +44,7 @@ class WorkerStatus:
         age: Simulated time from the current state to the time of the clock [s]. It includes the
             wait for the end of a time step, and grows while the thread is busy or has ended.
         max_age: Age above which the state is stale [s]: the time step, and some delay.
-        is_catching_up: Whether a resumed simulation has not reached the time of the clock yet.
+        is_catching_up: True if a resumed simulation has not reached the time of the clock yet.
         fault: Unexpected exception of the thread outside the simulation, empty without one.
         current_task: Task of the thread: ``a step`` or the kind of a command; empty in between.
         task_duration: Wall time of the current task so far or, if longer, of the last step [s].

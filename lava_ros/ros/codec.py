@@ -17,7 +17,7 @@ from builtin_interfaces.msg import Time
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 
 from lava_ros.bag import messages
@@ -90,11 +90,6 @@ def occupancy_grid(values: np.ndarray, info: MapMetaData, message_header: Header
     grid = OccupancyGrid(header=message_header, info=info)
     grid.data = message_array(values, 'b')
     return grid
-
-
-def float_image(values: np.ndarray, message_header: Header) -> Image:
-    """Make a 32FC1 image from float values, shape [rows, columns], row 0 at the smallest y."""
-    return made(messages.float_image(values, plain(message_header)))
 
 
 def point_cloud(columns: Mapping[str, Any], message_header: Header) -> PointCloud2:
@@ -185,11 +180,11 @@ class _Parts:
         """Skip a string."""
         self.skip(self.number(), alignment=1)
 
-    def count(self, field: str, most: int, unit: str = '') -> range:
+    def count(self, field: str, maximum: int, unit: str = '') -> range:
         """Return a range over the elements of a field; raise LavaError for more than ``most``."""
         count = self.number()
-        if count > most:
-            raise LavaError(field, f'{count} {unit}' if unit else count, f'at most {most}')
+        if count > maximum:
+            raise LavaError(field, f'{count} {unit}' if unit else count, f'at most {maximum}')
         return range(count)
 
 

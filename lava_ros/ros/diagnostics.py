@@ -54,12 +54,12 @@ def simulation_status(
     Args:
         worker: Status of the worker.
         snapshot: The last snapshot published, None before the first.
-        is_active: Whether the node is active.
+        is_active: True if the node is active.
         frame_stamp_ns: Stamp of the maps of the snapshot [ns].
-        resolution: How well the carriers of the lava resolve the flow.
+        resolution: Measured or expected resolution of the flow.
         method_reason: Why the node has chosen these carriers, empty if they were given.
         missed: Warnings about effects that they do not have (``SessionView.missed``).
-        clock: Warnings about the clock (``ClockWatch.look``).
+        clock: Warnings about the clock (``ClockWatch.warnings``).
         error: Values of the numerical error.
     """
     state = worker.state

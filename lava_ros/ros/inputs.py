@@ -65,10 +65,10 @@ def check_info(info: MapMetaData, settings: Settings, *, name: str = 'terrain_in
     """
     _check_cells(f'{name}.size', info.width, info.height, settings)
     _check_pose(f'{name}.origin', info.origin)
-    least, most = RESOLUTION_RANGE
+    minimum, maximum = RESOLUTION_RANGE
     resolution = float(str(np.float32(info.resolution)))
     return validation.number(
-        f'{name}.resolution', resolution, at_least=least, at_most=most, unit='m'
+        f'{name}.resolution', resolution, at_least=minimum, at_most=maximum, unit='m'
     )
 
 
@@ -97,11 +97,11 @@ def terrain_from_cloud(cloud: PointCloud2, settings: Settings) -> Terrain:
     name = 'terrain_cloud'
     _check_message(name, cloud.header, settings, cloud.data)
     columns = cloud_columns(cloud, name, ('x', 'y', 'z'))
-    for axis, most in (('x', MAX_COORDINATE), ('y', MAX_COORDINATE), ('z', MAX_ELEVATION)):
+    for axis, maximum in (('x', MAX_COORDINATE), ('y', MAX_COORDINATE), ('z', MAX_ELEVATION)):
         # comparisons with NaN are False
-        beyond = columns[axis][np.abs(columns[axis]) > most]
+        beyond = columns[axis][np.abs(columns[axis]) > maximum]
         if len(beyond):
-            expected = f'at most {most:g} m above or below zero, NaN for points without data'
+            expected = f'at most {maximum:g} m above or below zero, NaN for points without data'
             raise LavaError(f'{name}.{axis}', float(beyond[0]), expected)
     points = np.stack([columns['x'], columns['y'], columns['z']], axis=-1)
     points = points[~np.isnan(points).any(axis=1)]
@@ -162,7 +162,7 @@ def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]
 
     With ``x_end`` and ``y_end`` that are not NaN, a vent is a fissure. With a field ``time``, the
     points of one id at one position are one vent. The discharge of each point applies from its
-    simulated time [s] until that of the next point.
+    simulated time [s] until the time of the next point.
     """
     _check_message('vents', cloud.header, settings, cloud.data)
     count = cloud.width * cloud.height
@@ -305,9 +305,9 @@ def _vent(
     radius: float,
     **options: Any,
 ) -> Vent:
-    least, most = (limit - ZERO_CELSIUS for limit in VENT_TEMPERATURE_RANGE)
+    minimum, maximum = (limit - ZERO_CELSIUS for limit in VENT_TEMPERATURE_RANGE)
     validation.number(
-        f"vent '{name}'.temperature", celsius, at_least=least, at_most=most, unit='Celsius'
+        f"vent '{name}'.temperature", celsius, at_least=minimum, at_most=maximum, unit='Celsius'
     )
     return Vent(place, discharge, celsius + ZERO_CELSIUS, radius=radius, name=name, **options)
 
@@ -324,10 +324,10 @@ def _check_message(name: str, header: Header, settings: Settings, data: Any = b'
 
 def _check_pose(name: str, pose: Pose) -> None:
     place, turn = pose.position, pose.orientation
-    most = MAX_COORDINATE
+    maximum = MAX_COORDINATE
     for axis, value in (('x', place.x), ('y', place.y)):
         validation.number(
-            f'{name}.position.{axis}', value, at_least=-most, at_most=most, unit='m'
+            f'{name}.position.{axis}', value, at_least=-maximum, at_most=maximum, unit='m'
         )
     if place.z != 0.0:
         raise LavaError(f'{name}.position.z', place.z, '0: the elevations carry the height')

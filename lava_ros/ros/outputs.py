@@ -6,10 +6,8 @@
 from collections.abc import Sequence
 from typing import Any
 
-from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
-from visualization_msgs.msg import MarkerArray
 
 from lava_ros.errors import LavaError
 from lava_ros.layers import messages
@@ -19,12 +17,12 @@ from lava_ros.layers.messages import vent_rows
 from lava_ros.ros import codec
 from lava_ros.ros.codec import made, plain
 from lava_ros.ros.georeference import StaticTransform, TF_STATIC
-from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
 
 __all__ = [
-    'SceneMessages', 'layer_message', 'message_class', 'particle_message', 'relief_message',
-    'terrain_messages', 'vent_markers', 'vent_rows', 'vents_message',
+    'SceneMessages', 'layer_message', 'message_class', 'particle_message', 'terrain_messages',
+    'vent_rows', 'vents_message',
 ]
 
 #: Maximum number of particles in a message.
@@ -76,23 +74,11 @@ def terrain_messages(terrain: Terrain, header: Header) -> dict[str, Any]:
     return {topic: made(message) for topic, message in found.items()}
 
 
-def relief_message(terrain: Terrain, header: Header) -> OccupancyGrid:
-    """Make the hillshade of a terrain (``maps.messages``)."""
-    return made(messages.relief_message(terrain, plain(header)))
-
-
 def vents_message(
     rows: Sequence[tuple[float, ...]], terrain: Terrain, header: Header
 ) -> PointCloud2:
     """Make the cloud of rows of ``vent_rows``; z is the elevation of the terrain."""
     return made(messages.vents_message(rows, terrain, plain(header)))
-
-
-def vent_markers(
-    vents: Sequence[Vent], time: float, terrain: Terrain, header: Header
-) -> MarkerArray:
-    """Make markers of the vents at a simulated ``time`` [s] and of the barriers."""
-    return made(messages.vent_markers(vents, time, terrain, plain(header)))
 
 
 class SceneMessages:

@@ -57,7 +57,7 @@ class ParameterSpec:
     Attributes:
         description: Meaning and unit.
         limits: Smallest and largest value of a number.
-        read_only: Whether it is fixed while the node is configured.
+        read_only: True if it is fixed while the node is configured.
         choices: Valid strings or, of a list, valid elements; empty: any.
         read: Converts the value of a parameter that is not a list to its setting.
     """
@@ -121,37 +121,23 @@ class ParameterSpec:
 _FixedSpec = partial(ParameterSpec, read_only=True)
 
 #: Parameters that are read when the node starts, before it is configured.
-LIFECYCLE = (
-    _FixedSpec(
-        'autostart',
-        True,
-        'Configure and activate at the start; false: wait for a lifecycle manager',
-    ),
-)
+LIFECYCLE = (_FixedSpec(
+    'autostart', True,
+    'Configure and activate at the start; false: wait for a lifecycle manager',
+),)
 
 #: Sea level that means that there is no sea [m].
 NO_SEA = -MAX_ELEVATION
 
 #: Sources of terrain and lava; the defaults of ``lava.*`` depend on them.
-SOURCES = (
-    _FixedSpec(
-        'scene',
-        '',
-        'Scene to start with: a YAML file or its name in examples/, the folder of a case, or an '
-        'elevation; empty: none',
-    ),
-    _FixedSpec(
-        'terrain_file',
-        '',
-        'Terrain to start with (GeoTIFF or another raster, npz), which replaces the terrain of '
-        'the scene file; empty: from the scene file or the topics',
-    ),
-    _FixedSpec(
-        'resume',
-        '',
-        'Bag to resume from its newest checkpoint, which has its scene; empty: start at time 0',
-    ),
-)
+SOURCES = tuple(_FixedSpec(name, '', text) for name, text in {
+    'scene': 'Scene to start with: a YAML file or its name in examples/, the folder of a case, or '
+    'an elevation; empty: none',
+    'terrain_file': 'Terrain to start with (GeoTIFF or another raster, npz), which replaces the '
+    'terrain of the scene file; empty: from the scene file or the topics',
+    'resume': 'Bag to resume from its newest checkpoint, which has its scene; empty: start at '
+    'time 0',
+}.items())
 
 
 def _parameter(*values: Any, **options: Any) -> Any:

@@ -403,7 +403,7 @@ class ParticlePublisher:
         """Create the publisher."""
         self._worker, self._graph = worker, graph
         self._publisher: Any = None
-        # the name stays that of this publisher, even while there is none
+        # the name belongs to this publisher, even while there is none
         self._offer(True)
         self._read = graph.create('guard_condition', self._publish)
         self._wanted: tuple[Snapshot, int] | None = None
@@ -412,9 +412,8 @@ class ParticlePublisher:
     def _offer(self, is_offered: bool) -> None:
         """Create the publisher, or drop it."""
         if is_offered and self._publisher is None:
-            profile = qos.ros_profile(qos.NEWEST)
             self._publisher = self._graph.create(
-                'publisher', PointCloud2, 'lava_particles', profile
+                'publisher', PointCloud2, 'lava_particles', qos.ros_profile(qos.NEWEST)
             )
         elif self._publisher is not None and not is_offered:
             self._graph.drop(self._publisher)

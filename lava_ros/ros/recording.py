@@ -27,7 +27,7 @@ REPEAT_PERIOD_NS = 60 * 10**9
 #: Parameters that the description also contains by their names, unless they are empty.
 _NAMED = ('onset', 'restart_token')
 
-#: Parameters that take effect at a start: the description has their values at that of its run.
+#: Parameters that take effect at a start: a description has the values at the start of its run.
 _OF_START = frozenset(start_values(Settings()))
 
 

@@ -5,6 +5,7 @@
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from functools import partial
 import time
 from typing import Any, TYPE_CHECKING
 
@@ -14,11 +15,9 @@ from rclpy.clock_type import ClockType
 
 from lava_ros.errors import RefusalError
 from lava_ros.layers.layer_files import find_config
-from lava_ros.live.catch_up import Published
 from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.clock import ClockWatch
 from lava_ros.live.error_measurement import ErrorMeasurement
-from lava_ros.live.recorder import BagFolder
 from lava_ros.live.recording_control import BagSettings, RecordingControl
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
@@ -36,7 +35,7 @@ from lava_ros.ros.publishers import (
     ScenePublisher,
 )
 from lava_ros.ros.recording import SceneRecording
-from lava_ros.ros.startup_inputs import make_simulation, StartupInputs
+from lava_ros.ros.startup_inputs import make_simulation, resume_simulation, StartupInputs
 from lava_ros.ros.subscribers import InputSubscribers
 from lava_ros.scene import Scene
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -54,8 +53,9 @@ HEARTBEAT = 1.0
 class NodeRuntime:
     """A configured node: it receives ``inputs`` and, while ``is_active``, simulates and publishes.
 
-    ``worker`` has the simulation, ``allowance`` limits requests. ``failure`` is the error that
-    prevents the node from resuming a bag and ends the node, or None.
+    ``settings`` are the current settings, ``worker`` has the simulation, ``allowance`` limits
+    requests. ``failure`` is the error that prevents the node from resuming a bag and ends the
+    node, or None.
     """
 
     def __init__(
@@ -74,12 +74,9 @@ class NodeRuntime:
         """
         self._graph, self._recorder, node = graph, graph.recorder, graph.node
         self._node = node
-        self._settings = settings
+        self.settings = settings
         self.failure: BaseException | None = None
         self._given, progress = startup.given, startup.progress
-        self._bag_folder = BagFolder(
-            settings.bag_root, settings.bag_directory, node=node.get_fully_qualified_name()
-        )
         names = ['msg_config', 'forecast_config'][: 2 if settings.forecast_horizon else 1]
         configs = {name: find_config(getattr(settings, name), field=name) for name in names}
         features = load_places(settings.places)
@@ -111,10 +108,10 @@ class NodeRuntime:
             CheckpointRecording(
                 self._recorder, self.worker.checkpoint, lambda: self.inputs.vents, progress
             ),
-            self._bag_folder,
+            startup.bag_folder,
             lambda: BagSettings(
-                self._settings.bag_directory, self._settings.bag_max_size,
-                self._settings.bag_max_duration, self._settings.checkpoint_period,
+                self.settings.bag_directory, self.settings.bag_max_size,
+                self.settings.bag_max_duration, self.settings.checkpoint_period,
             ),
             startup.restart_file,
             is_wanted=settings.record if progress is None else progress.is_recording,
@@ -128,10 +125,10 @@ class NodeRuntime:
             graph,
             [layer for layer in layers if layer.is_forecast],
             worker=self.worker,
-            settings=lambda: self._settings,
+            settings=lambda: self.settings,
             features=features,
         )
-        self._error = ErrorMeasurement(self.worker, share=lambda: self._settings.error_share)
+        self._error = ErrorMeasurement(self.worker, share=lambda: self.settings.error_share)
         self._places = PlaceTopic(graph, features)
         for rate in sorted(self._layers.rates | self._forecasts.rates):
             graph.create('timer', 1.0 / rate, lambda rate=rate: self._mark_due(rate))
@@ -146,7 +143,7 @@ class NodeRuntime:
         self.inputs = InputSubscribers(
             graph,
             self.worker,
-            settings=lambda: self._settings,
+            settings=lambda: self.settings,
             steady=steady,
             observe=self._forecasts.observe if settings.ensemble_members else None,
             is_echo=self._scene.is_echo,
@@ -159,11 +156,6 @@ class NodeRuntime:
         self._error.start()
         if settings.forecast_horizon:
             self._forecasts.forecaster.start()
-
-    @property
-    def step_length(self) -> float:
-        """Simulated duration of the service ``step`` [s]."""
-        return self._settings.time_scale
 
     def activate(self) -> None:
         """Let simulated time advance, and publish.
@@ -209,16 +201,16 @@ class NodeRuntime:
         Raises:
             LavaError: If the bag cannot be written there, or effects change too often.
         """
-        old = self._settings
+        old = self.settings
         # an unchanged name that has become invalid in the meantime does not block other settings
         if settings.bag_directory != old.bag_directory:
-            self._bag_folder.path(settings.bag_directory)
+            self._bags.folder.path(settings.bag_directory)
         if (settings.forced, settings.horizon) != (old.forced, old.horizon):
             self.allowance.take('effects')
 
     def apply(self, new: Settings) -> None:
         """Use new settings, immediately or, for method, preset, spacing and lava, later."""
-        old, self._settings = self._settings, new
+        old, self.settings = self.settings, new
         command = self.inputs.command
         for name in ('time_scale', 'max_particles', 'end_time'):
             value = getattr(new, name)
@@ -277,7 +269,7 @@ class NodeRuntime:
         """
         if self.worker.latest is None:
             raise RefusalError('save', 'There is no simulation to save', 'Publish a terrain first')
-        maximum = self._settings.max_saved_bytes
+        maximum = self.settings.max_saved_bytes
         if self._saved_bytes >= maximum:
             problem = f'~/save has written {self._saved_bytes} bytes of at most {maximum}'
             remedy = 'Configure the node with a larger max_saved_bytes'
@@ -307,19 +299,9 @@ class NodeRuntime:
     def _begin(self, startup: StartupInputs) -> None:
         checkpoint, command = startup.checkpoint, self.inputs.command
         if checkpoint is not None:
-
-            def resume() -> 'Simulation':
-                # the solver loads Warp: done in the worker's thread, not at import
-                from lava_ros.simulation import Simulation
-
-                return Simulation.resume(checkpoint, device=self._settings.device)
-
-            progress, published = startup.progress, None
-            if progress is not None:
-                clock = None if progress.is_held else progress.stamp_ns * 1e-9
-                published = Published(progress.time + progress.behind, clock)
             future = self.worker.resume_with(
-                resume, checkpoint.scene, startup.origin, startup.before, published=published
+                partial(resume_simulation, checkpoint, self.settings),
+                checkpoint.scene, startup.origin, startup.before, published=startup.published,
             )
             future.add_done_callback(self._note_failure)
         elif startup.scene is not None:
@@ -331,7 +313,7 @@ class NodeRuntime:
 
     def _make_simulation(self, scene: Scene) -> 'Simulation':
         """Make a simulation, in the worker's thread, and log a method that it chooses."""
-        simulation, choice = make_simulation(scene, self._settings)
+        simulation, choice = make_simulation(scene, self.settings)
         self._method_reason = choice.reason
         if choice.reason:
             self._node.get_logger().info(choice.text())
@@ -414,7 +396,7 @@ class NodeRuntime:
         worker, view = self.worker.status, self.worker.view
         snapshot = self._layers.shown
         is_simulated = self._node.get_clock().ros_time_is_active
-        clock = self._clock_watch.look(
+        clock = self._clock_watch.warnings(
             stamp_ns, time.monotonic(), worker, is_simulated=is_simulated
         )
         self._log.worker(worker, view, clock, is_paused=self._is_paused)

@@ -42,7 +42,7 @@ def create_services(runtime: NodeRuntime, graph: NodeGraph) -> None:
 
     def step(_: Any) -> str:
         check_active('step')
-        state, duration = worker.status.state, runtime.step_length
+        state, duration = worker.status.state, runtime.settings.time_scale
         if state is not WorkerState.PAUSED:
             raise RefusalError('step', f'The simulation is {state.value}', 'Pause it first')
         return commanded('step', worker.step(duration), f'advancing {duration:g} s')

@@ -6,6 +6,7 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 import math
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
@@ -17,6 +18,7 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
 from lava_ros.bag.description import described
 from lava_ros.errors import LavaError
+from lava_ros.live.catch_up import Published
 from lava_ros.live.recorder import BagFolder
 from lava_ros.live.restart import check_token, differing, digests, Progress, RestartFile
 from lava_ros.live.session import Origin
@@ -62,8 +64,9 @@ class StartupInputs:
         onset: Date of simulated time 0 in its bag or in the scene, empty without one.
         frame_id: Frame of the messages of its bag, empty without one.
         given: Digests of the given inputs (``live.restart.digests``).
+        bag_folder: Folder of the bags.
         restart_file: File with the progress of the run, None without a ``restart_token``.
-        is_restart: Whether a killed node is restarted. Its checkpoint takes precedence over
+        is_restart: True if a killed node is restarted. Its checkpoint takes precedence over
             parameters.
         progress: Progress of the killed node, None for the first start of a run.
         vents_taken: Publications on ``vents`` that the checkpoint includes.
@@ -77,10 +80,20 @@ class StartupInputs:
     onset: str = ''
     frame_id: str = ''
     given: Mapping[str, str] = field(default_factory=dict)
+    bag_folder: BagFolder = field(default_factory=partial(BagFolder, '', ''))
     restart_file: RestartFile | None = None
     is_restart: bool = False
     progress: Progress | None = None
     vents_taken: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def published(self) -> Published | None:
+        """The newest maps of the killed node, None for the first start of a run."""
+        progress = self.progress
+        if progress is None:
+            return None
+        clock = None if progress.is_held else progress.stamp_ns * 1e-9
+        return Published(progress.time + progress.behind, clock)
 
 
 def load_startup_inputs(node: Node, *, may_restart: bool = False) -> StartupInputs:
@@ -88,14 +101,18 @@ def load_startup_inputs(node: Node, *, may_restart: bool = False) -> StartupInpu
 
     Args:
         node: Node that has the parameters.
-        may_restart: Whether to continue the run that has the ``restart_token``, if there is one.
+        may_restart: True to continue the run that has the ``restart_token``, if there is one.
 
     Raises:
         LavaError: If a file or a bag is not usable, or both a scene and a bag to resume are given.
     """
     values = node_parameters.declare(node, parameters.SOURCES + _RESTART)
-    check_token(values['restart_token'])
-    file = _restart_file(node, values) if values['restart_token'] else None
+    token = values['restart_token']
+    check_token(token)
+    folder = BagFolder(
+        values['bag_root'], values['bag_directory'], node=node.get_fully_qualified_name()
+    )
+    file = RestartFile(folder.restart_path(token)) if token else None
     progress = _progress(node, file) if file is not None and may_restart else None
     try:
         given = _given(node, values)
@@ -105,12 +122,12 @@ def load_startup_inputs(node: Node, *, may_restart: bool = False) -> StartupInpu
         warning = f'the inputs cannot be compared with those of {progress.bag}: {error}'
         node.get_logger().warning(warning)
         given = StartupInputs(given=progress.given)
-    given = replace(given, restart_file=file)
+    given = replace(given, bag_folder=folder, restart_file=file)
     if progress is not None:
         if differs := differing(given.given, progress.given):
             node.get_logger().warning(
                 f'not resuming {progress.bag}: {", ".join(differs)} differ from those of the run '
-                f'with the restart_token {values["restart_token"]}; this is a new run'
+                f'with the restart_token {token}; this is a new run'
             )
         elif (restarted := _restarted(node, progress, given)) is not None:
             return restarted
@@ -139,13 +156,6 @@ def _given(node: Node, values: Mapping[str, Any]) -> StartupInputs:
     return StartupInputs(
         scene=scene, terrain=None if scene else terrain, onset=onset, given=given
     )
-
-
-def _restart_file(node: Node, values: Mapping[str, Any]) -> RestartFile:
-    folder = BagFolder(
-        values['bag_root'], values['bag_directory'], node=node.get_fully_qualified_name()
-    )
-    return RestartFile(folder.restart_path(values['restart_token']))
 
 
 def _progress(node: Node, file: RestartFile) -> Progress | None:
@@ -229,7 +239,7 @@ def overrides_from_checkpoint(
         values: Parameters as given.
         defaults: Their defaults.
         frame_id: Frame of its coordinates, empty if it is unknown.
-        is_restart: Whether a killed node is restarted. The checkpoint then takes precedence,
+        is_restart: True if a killed node is restarted. The checkpoint then takes precedence,
             because parameters may have been changed while the node ran.
 
     Raises:
@@ -302,3 +312,14 @@ def make_simulation(scene: Scene, settings: Settings) -> tuple['Simulation', Met
         horizon=settings.horizon,
     )
     return simulation, choice
+
+
+def resume_simulation(checkpoint: Checkpoint, settings: Settings) -> 'Simulation':
+    """Resume the simulation of a checkpoint, in the worker's thread.
+
+    Raises:
+        LavaError: If the checkpoint is inconsistent, or the device does not exist.
+    """
+    from lava_ros.simulation import Simulation
+
+    return Simulation.resume(checkpoint, device=settings.device)

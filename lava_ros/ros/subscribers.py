@@ -138,7 +138,7 @@ class InputSubscribers:
             terrains['terrain_grid'] = codec.message_class(GRID_MAP), take
         self.wanted = f'waiting for terrain on {", ".join(terrains)}'
         self._replaced = list(terrains), [TOPIC], ['vents']
-        self._rivals, self._looked = '', -math.inf
+        self._rivals, self._rivals_time = '', -math.inf
         self._subscribe(TOPIC, TransformStamped, self._on_georeference, qos.state_inputs(1))
         for topic, (kind, callback) in terrains.items():
             self._subscribe(topic, kind, callback, qos.state_inputs(1))
@@ -182,13 +182,13 @@ class InputSubscribers:
         ``warning``.
         """
         now = time.monotonic()
-        if now - self._looked >= RIVALS_PERIOD:
+        if now - self._rivals_time >= RIVALS_PERIOD:
             known, scene = self._rivals, self.worker.view.scene
             found = [*map(self._find_rivals, self._replaced), self._find_imitators(), warning]
             if scene is not None:
                 found.append(self._georeferences.warning(scene.terrain))
             self._rivals = '; '.join(filter(None, found))
-            self._looked = now
+            self._rivals_time = now
             if self._rivals not in ('', known):
                 self._logger.warning(self._rivals)
         return self.log.status('; '.join(filter(None, (self._find_missing(), self._rivals))))

@@ -17,7 +17,7 @@ Journal of Fluid Mechanics 496, 33-62; Cashman, Kerr & Griffiths 2006, Bulletin 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 
 from lava_ros.effects import considered
@@ -173,15 +173,6 @@ class FlowKind:
                 f'{limit:.2g} Pa'
             )
         return found
-
-    def measured(
-        self, *, thickness: float, width: float, diameter: float, stress: float
-    ) -> FlowKind:
-        """Return the kind with measured values in place of the expected ones."""
-        return replace(
-            self, thickness=thickness, width=width, diameter=diameter, stress=stress,
-            is_measured=True,
-        )
 
 
 def crust_time(scene: Scene, temperature: float) -> float:

@@ -20,10 +20,10 @@ from lava_ros.errors import LavaError
 from lava_ros.layers.layer import PROBABILITY
 from lava_ros.products.plot import barriers_of
 from lava_ros.ros import codec, outputs, qos
-from lava_ros.ros.outputs import vent_markers
 from lava_ros.watch.frames import Level, watched_layers
 from recording import diagnostics_of, growing, SECOND, snapshot_at, START, TERRAIN, VENT
 from ros_domain import own_domain
+from ros_messages import float_image, vent_markers
 from waiting import wait_until
 
 #: Crest of a barrier on the terrain, easting and northing [m].
@@ -174,7 +174,7 @@ def test_status_reports_each_fault(live, monkeypatch):
     assert live.status.level is Level.OK
     with pytest.raises(LavaError, match='terrain'):
         live.frame(0)
-    image = codec.float_image(TERRAIN.elevation, codec.header('map', START))
+    image = float_image(TERRAIN.elevation, codec.header('map', START))
     image.step = 1
     live.deliver(LAYERS['thickness'].topic, image)
     assert live.status.level is Level.ERROR

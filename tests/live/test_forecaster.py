@@ -197,7 +197,7 @@ def test_new_scene_makes_forecasts_stale_immediately(bench):
 def test_forecast_is_stale_above_its_maximum_age(bench):
     bench.forecaster.want(False)
     bench.rules = replace(RULES, max_age=2.0)
-    wait_until(lambda: bench.worker.request_snapshot() or bench.staleness())
+    wait_until(lambda: (bench.worker.request_snapshot(), bench.staleness())[1])
     assert bench.staleness().endswith('s old, and valid for at most 2 s')
     assert bench.forecaster.age(bench.forecaster.latest) > 2.0
 
@@ -231,7 +231,7 @@ def test_killed_process_of_low_priority_is_reported_and_replaced(bench):
 
 def test_failed_forecast_is_reported_without_affecting_the_simulation(bench):
     bench.rules = replace(RULES, max_particles=3)
-    error = wait_until(lambda: bench.worker.request_snapshot() or bench.forecaster.status.error)
+    error = wait_until(lambda: (bench.worker.request_snapshot(), bench.forecaster.status.error)[1])
     assert 'at most 3 (max_particles)' in error
     bench.rules, old = RULES, bench.forecaster.latest
     bench.forecast(lambda item: item is not old)

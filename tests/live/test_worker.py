@@ -210,44 +210,44 @@ def test_noise_of_inputs_does_not_outdate_forecasts(bench, kind, noise, change):
     session, put = bench.worker.session, getattr(bench.worker, f'set_{kind}')
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.run(bench.worker.set_vents([VENT]))
-    before = session.changes
+    before = session.view.changes
     bench.run(put(noise))
-    assert session.changes == before
+    assert session.view.changes == before
     given = bench.simulation.scene
     assert (given.terrain if kind == 'terrain' else list(given.vents)) == noise
     bench.run(put(change))
-    assert session.changes == before + 1
+    assert session.view.changes == before + 1
 
 
 def test_slow_drift_outdates_forecasts(bench):
     session = bench.worker.session
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.run(bench.worker.set_vents([VENT]))
-    before = session.changes
+    before = session.view.changes
     for step in range(1, 11):
         discharge = VENT.peak * (1.0 + 0.02 * step)
         bench.run(bench.worker.set_vents([replace(VENT, discharge=discharge)]))
-    assert before < session.changes < before + 10
+    assert before < session.view.changes < before + 10
 
 
 def test_origin_and_schedule_are_kept_until_a_reset(bench):
-    assert bench.worker.session.origin is None
+    assert bench.worker.session.view.origin is None
     earlier = replace(VENT, discharge=((0.0, 7.0), (2.0, 9.0)))
     scene, origin = Scene(TERRAIN, (VENT,), lava=Lava.paper()), Origin('bags/first', 120.0, 7)
     bench.run(bench.worker.pause(True))
     bench.run(bench.worker.resume_with(lambda: bench.make(scene), scene, origin, (earlier,)))
-    assert bench.worker.session.origin == origin
+    assert bench.worker.session.view.origin == origin
     bench.run(bench.worker.set_vents([replace(VENT, discharge=4.0)]))
     assert bench.worker.session.scene.vents[0].discharge == 4.0
     bench.simulation.time = 3.0
     bench.run(bench.worker.set_vents([]))
-    (vent,) = bench.worker.session.schedule
+    (vent,) = bench.worker.session.view.schedule
     assert vent.discharge == ((0.0, 4.0), (3.0, 0.0))
-    assert bench.worker.session.origin == origin
+    assert bench.worker.session.view.origin == origin
     # a reset starts a new eruption
     bench.run(bench.worker.reset())
-    assert bench.worker.session.schedule == ()
-    assert bench.worker.session.origin is None
+    assert bench.worker.session.view.schedule == ()
+    assert bench.worker.session.view.origin is None
 
 
 @pytest.mark.parametrize(
@@ -361,25 +361,25 @@ def test_new_terrain_is_shown_immediately(bench):
 
 
 def test_effects_follow_terrain_and_vents(bench):
-    assert bench.worker.session.effects == {}
+    assert bench.worker.session.view.effects == {}
     bench.start()
-    before = bench.worker.session.effects
+    before = bench.worker.session.view.effects
     assert not is_on(before['steep'])
     bench.run(bench.worker.set_vents([Vent((25.0, 15.0), 2.0, temperature=1300.0)]))
-    assert bench.worker.session.effects['inertia'] != before['inertia']
+    assert bench.worker.session.view.effects['inertia'] != before['inertia']
     hill = np.tile(np.arange(5) * 8.0, (4, 1))
     bench.run(bench.worker.set_terrain(Terrain(hill, 10.0)))
-    assert bench.worker.session.effects['steep'].startswith('on: slope = 0.8 > ')
+    assert bench.worker.session.view.effects['steep'].startswith('on: slope = 0.8 > ')
 
 
 def test_effects_can_be_forced_during_a_run(bench):
     bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
     bench.start()
     bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
-    assert bench.worker.session.effects['steep'] == 'on: forced'
+    assert bench.worker.session.view.effects['steep'] == 'on: forced'
     with pytest.raises(LavaError, match='vft'):
         bench.run(bench.worker.set_effects({'vft': True}, horizon=HORIZON))
-    assert bench.worker.session.effects['steep'] == 'on: forced'
+    assert bench.worker.session.view.effects['steep'] == 'on: forced'
     assert bench.simulation.horizon == 60.0
     bench.go_on()
     assert len(bench.made) == 1
@@ -443,7 +443,7 @@ def test_frames_continue_while_effects_change():
         change = worker.set_effects(forced, horizon=HORIZON)
         show_frames(3)
         change.result(PATIENCE)
-        assert {name: worker.session.effects[name] for name in forced} == {
+        assert {name: worker.session.view.effects[name] for name in forced} == {
             name: f'{"on" if is_on else "off"}: forced' for name, is_on in forced.items()
         }
     assert worker.stop(PATIENCE)

@@ -24,6 +24,7 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.ros import codec
+from ros_messages import float_image
 from waiting import PATIENCE, wait_until
 
 ROWS, COLUMNS, RESOLUTION = 30, 40, 10.0
@@ -66,7 +67,7 @@ def elevation(height=500.0, columns=COLUMNS):
 def image(values=None, frame_id='map', **changes):
     """Return a terrain image, with fields changed."""
     values = elevation() if values is None else values
-    message = codec.float_image(values, codec.header(frame_id, 0))
+    message = float_image(values, codec.header(frame_id, 0))
     for name, value in changes.items():
         setattr(message, name, value)
     return message

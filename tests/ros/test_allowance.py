@@ -35,7 +35,7 @@ class NodeServices:
         for command in ('reset', 'step'):
             getattr(self.worker, command).side_effect = lambda *_: Future()
         self.worker.status = SimpleNamespace(state=WorkerState.PAUSED, blocked_by='')
-        self.active = Mock(is_active=True, step_length=1.0)
+        self.active = Mock(is_active=True, settings=Settings())
         self.active.pause.side_effect = lambda paused: Future()
         self.inputs = InputSubscribers(entities, self.worker, settings=Settings, steady=Clock())
         self.allowance = Allowance(self.inputs.refuse, lambda: self.now)
@@ -55,7 +55,7 @@ class NodeServices:
     def set_effects(self):
         """Change a setting of the effects and return the result as a response."""
         node = SimpleNamespace(
-            _settings=Settings(), allowance=self.allowance, _bag_folder=self.active
+            settings=Settings(), allowance=self.allowance, _bags=self.active
         )
         try:
             NodeRuntime.check(node, Settings(effects_on=('inertia',)))
@@ -122,7 +122,7 @@ def test_stopped_recording_is_no_longer_wanted():
 
 
 def test_each_save_counts():
-    node = MagicMock(_settings=Settings(max_saved_bytes=1000), _saved_bytes=0)
+    node = MagicMock(settings=Settings(max_saved_bytes=1000), _saved_bytes=0)
     node._bags.finish_checkpoint.return_value = ''
     # before and after each
     type(node._recorder).size = PropertyMock(side_effect=[100, 350, 350, 1000])
@@ -134,7 +134,7 @@ def test_each_save_counts():
 def test_total_size_of_saves_is_limited():
     services = NodeServices()
     node = SimpleNamespace(
-        worker=services.worker, _settings=Settings(max_saved_bytes=1000), _saved_bytes=1000,
+        worker=services.worker, settings=Settings(max_saved_bytes=1000), _saved_bytes=1000,
         allowance=services.allowance,
     )
     with pytest.raises(LavaError, match='written 1000 bytes of at most 1000'):

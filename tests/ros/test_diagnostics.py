@@ -301,7 +301,7 @@ def test_status_has_the_name_of_its_node():
 
 
 def _look(watch, stamp_ns, now, *, is_simulated=True, **worker):
-    return watch.look(stamp_ns, now, _worker(**worker), is_simulated=is_simulated)
+    return watch.warnings(stamp_ns, now, _worker(**worker), is_simulated=is_simulated)
 
 
 def test_missing_or_stopped_clock_is_a_warning():

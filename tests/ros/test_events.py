@@ -50,7 +50,7 @@ def _session() -> SimulationSession:
 def test_events_are_applied_and_undone_by_a_reset() -> None:
     session = _session()
     session.start(SCENE)
-    first, changes = session.simulation, session.changes
+    first, changes = session.simulation, session.view.changes
     assert first is not None
     for until, left in ((3.0, 2), (6.0, 1), (12.0, 0)):
         session.advance(until, wall_limit=60.0, max_particles=10_000)
@@ -58,7 +58,7 @@ def test_events_are_applied_and_undone_by_a_reset() -> None:
         assert len(session.scene.events) == left
         assert session.scene.terrain is first.scene.terrain
     # earlier forecasts are outdated
-    assert session.changes == changes + 2
+    assert session.view.changes == changes + 2
     assert float((session.scene.terrain.elevation - GROUND.elevation).max()) > 8.0
     session.reset()
     assert session.scene is not None and session.scene.events == SCENE.events

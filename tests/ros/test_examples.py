@@ -15,6 +15,7 @@ import rclpy
 from lava_ros.ros import codec
 from lava_ros.scene import Terrain
 from ros_domain import own_domain
+from ros_messages import float_image
 from scripts import load_script
 
 EXAMPLES = Path(__file__).parents[2] / 'examples'
@@ -213,7 +214,7 @@ def test_robot_leaves_in_time_or_stops(planner):
 
     def forecast(times, age=0.0):
         header = codec.header('map', time.time_ns() - int(age * 1e9))
-        node.on_image(codec.float_image(times, header))
+        node.on_image(float_image(times, header))
 
     soon, later = _coming(200.0, 900.0), _coming(2000.0, 9000.0)
     node.on_grid(grid(np.zeros(soon.shape)))

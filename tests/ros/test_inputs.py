@@ -22,6 +22,7 @@ from lava_ros.ros import codec, inputs
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Terrain, Vent
 from ros.graph_publisher import cloud_of
+from ros_messages import float_image
 
 RULES = Settings()
 
@@ -38,13 +39,13 @@ ALLOWED = {'terrain_allow_holes': True}
 def _pair(resolution=10.0):
     info = MapMetaData(width=4, height=3, resolution=resolution)
     info.origin.position.x, info.origin.position.y = 5.0, -7.0
-    return codec.float_image(ELEVATION, _header()), info
+    return float_image(ELEVATION, _header()), info
 
 
 def _image(value, place=...):
     elevation = ELEVATION.copy()
     elevation[place] = value
-    return codec.float_image(elevation, _header())
+    return float_image(elevation, _header())
 
 
 def _cloud(x, y, z):
@@ -111,7 +112,7 @@ def test_rejects_a_value_that_may_mean_missing_data(value):
     ground = 500.0 + np.add.outer(np.arange(20.0), np.arange(20.0))
     ground[4:8, 4:8] = value
     x, y = np.meshgrid(10.0 * np.arange(20.0), 10.0 * np.arange(20.0))
-    image = codec.float_image(ground.astype(np.float32), _header())
+    image = float_image(ground.astype(np.float32), _header())
     info = MapMetaData(width=20, height=20, resolution=10.0)
     rules = replace(RULES, terrain_cloud_resolution=10.0)
     for given in (

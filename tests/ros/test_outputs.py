@@ -16,14 +16,24 @@ from visualization_msgs.msg import Marker
 from lava_ros.bag.decoding import cloud_columns, image_array
 from lava_ros.errors import LavaError
 from lava_ros.layers.layer_files import layers_from_dict
-from lava_ros.layers.messages import BARRIERS, CLOSED, ELEVATIONS, LABELS, LETTERS, OPEN, PLACES
+from lava_ros.layers.messages import (
+    BARRIERS,
+    CLOSED,
+    ELEVATIONS,
+    LABELS,
+    LETTERS,
+    OPEN,
+    PLACES,
+    relief_message,
+)
 from lava_ros.ros import codec, inputs, outputs
-from lava_ros.ros.outputs import SceneMessages, vent_markers
+from lava_ros.ros.outputs import SceneMessages
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot, StepReport
 from ros.graph_publisher import cloud_of
+from ros_messages import float_image, vent_markers
 
 VALUES = np.array([[1.5, -2.0, 3.0], [4.0, 5.0, np.nan]])
 
@@ -104,7 +114,7 @@ def test_rejects_a_malformed_cloud(changes, field):
 
 
 def test_image_and_cloud_survive_a_round_trip():
-    image = codec.float_image(VALUES, codec.header('map', 1_500_000_002))
+    image = float_image(VALUES, codec.header('map', 1_500_000_002))
     assert (image.header.stamp.sec, image.header.stamp.nanosec) == (1, 500_000_002)
     again = deserialize_message(codec.serialise(image), Image)
     np.testing.assert_array_equal(image_array(again, 'x'), VALUES.astype(np.float32))
@@ -187,8 +197,8 @@ def test_relief_is_lit_from_the_north_west():
     y, x = np.mgrid[0:5, 0:5] * 10.0
 
     def shade(elevation):
-        message = outputs.relief_message(Terrain(elevation, 10.0), codec.header('map', 1))
-        return np.array(message.data).reshape(5, 5)
+        message = relief_message(Terrain(elevation, 10.0), codec.plain(codec.header('map', 1)))
+        return message.fields['data'].reshape(5, 5)
 
     facing, flat, away = shade(0.5 * (x - y)), shade(0.0 * x), shade(0.5 * (y - x))
     assert facing.max() < flat.min() == flat.max() == 29 < away.min()

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from lava_ros.layers.recording import Recording
-from lava_ros.ros.codec import float_image, header
+from lava_ros.ros.codec import header
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.presets import preset_accuracy
 from ros.conftest import start_flow
 from ros.graph_publisher import cloud, info, vents
+from ros_messages import float_image
 from waiting import wait_until
 
 #: End of the run in simulated time [s], and simulated time per time of the clock [s/s].

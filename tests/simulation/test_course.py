@@ -21,7 +21,7 @@ from lava_ros.simulation.resolution import resolution_of, resolved_accuracy
 from lava_ros.simulation.selection import effects_for
 from lava_ros.simulation.setup import descent as descent_module
 from lava_ros.simulation.setup.course import Course, course_of
-from lava_ros.simulation.setup.descent import descent, slope_at
+from lava_ros.simulation.setup.descent import find_path, slope_at
 from slope_scenes import ground, HOUR, LAVA, MOBILITY, scene, SLOPE
 
 
@@ -76,15 +76,15 @@ def test_descent_ends_with_its_first_point_on_unknown_ground_or_its_last_allowed
     known, start = ground(10.0), (100.0, 300.0)
     elevation = known.elevation.copy()
     elevation[:, 100:110] = np.nan
-    points, heights = descent(replace(known, elevation=elevation), start)
+    points, heights = find_path(replace(known, elevation=elevation), start)
     assert points[-2, 0] < 1000.0 <= points[-1, 0]
     assert (np.diff(heights) < 0.0).all()
     # on the plane of the known ground, also from its border
-    points, heights = descent(replace(known, elevation=elevation), (998.0, 300.0))
+    points, heights = find_path(replace(known, elevation=elevation), (998.0, 300.0))
     assert points[:, 0] == pytest.approx([958.0, 998.0, 1038.0])
     assert heights == pytest.approx(1000.0 - SLOPE * points[:, 0])
     monkeypatch.setattr(descent_module, '_MAX_POINTS', 5)
-    assert len(descent(known, start)[0]) == 5
+    assert len(find_path(known, start)[0]) == 5
 
 
 def test_half_of_the_lava_is_as_cold_as_the_course_says():

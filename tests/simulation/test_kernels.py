@@ -81,7 +81,7 @@ def test_arrays_have_an_item_for_each_of_their_indices():
     }
     assert {'clock', 'counts', 'rates'} <= set(last)
     for index, item in last.values():
-        assert item.metadata['declaration'].shape == (getattr(layout, index) + 1,), item.name
+        assert item.metadata['array'].shape == (getattr(layout, index) + 1,), item.name
 
 
 def test_bessel_functions_match_scipy():

@@ -29,7 +29,7 @@ def limit(is_pushed):
         m: arguments_type(wp.float64), way: wp.vec2d, thickness: wp.float64, head: wp.float64,
         out: wp.array(dtype=wp.vec2d),
     ):
-        out[0] = guard(m, wp.float64(0.0), wp.float64(0.0), way, thickness, head)
+        out[0] = guard(m, wp.vec2d(), way, thickness, head)
 
     return limit_one
 

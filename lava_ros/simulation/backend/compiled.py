@@ -90,10 +90,10 @@ _RAISE = {
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
     const unsigned mask = __activemask();
     const unsigned bits = value > 0.0f ? __float_as_uint(value) : 0u;
-    const unsigned most = __reduce_max_sync(mask, bits);
+    const unsigned largest = __reduce_max_sync(mask, bits);
     unsigned* place = reinterpret_cast<unsigned*>(values.data + i);
-    if ((threadIdx.x & 31u) == static_cast<unsigned>(__ffs(mask)) - 1u && most > __ldcg(place))
-        atomicMax(place, most);
+    if ((threadIdx.x & 31u) == static_cast<unsigned>(__ffs(mask)) - 1u && largest > __ldcg(place))
+        atomicMax(place, largest);
 #elif defined(__CUDA_ARCH__)
     wp::atomic_max(values.data + i, value > 0.0f ? value : 0.0f);
 #else
@@ -110,10 +110,10 @@ _RAISE = {
 }
 #: Warp's own is not atomic for the threads of a CPU (threads.py).
 _RAISE_ON_CPU = """
-    auto most = values.data[i];
-    __atomic_load(values.data + i, &most, __ATOMIC_RELAXED);
-    while (value > most && !__atomic_compare_exchange(
-        values.data + i, &most, &value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {}
+    auto largest = values.data[i];
+    __atomic_load(values.data + i, &largest, __ATOMIC_RELAXED);
+    while (value > largest && !__atomic_compare_exchange(
+        values.data + i, &largest, &value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {}
 """
 
 

@@ -69,7 +69,7 @@ class Launches:
     def __init__(self, device: Any) -> None:
         """Initialize without any recorded launch."""
         self._device = device
-        self._kept: dict[tuple[int, ...], list[Any]] = {}
+        self._packed: dict[tuple[int, ...], list[Any]] = {}
         self._again: Callable[[], None] | None = None
         self._recorded: list[Launch] | None = None
         self._captured: set[Any] = set()
@@ -149,26 +149,25 @@ class Launches:
         """Return a packed CPU launch; its ``launch()`` runs it."""
         self.note_launch()
         key = (id(kernel), *map(id, arguments))
-        kept = self._kept.get(key)
-        if kept is None:
-            if len(self._kept) >= MAX_CACHED:
-                self._kept.clear()
+        packed = self._packed.get(key)
+        if packed is None:
+            if len(self._packed) >= MAX_CACHED:
+                self._packed.clear()
             # as long as they are kept alive no other object can have their ids
-            kept = [dim, self._record(kernel, dim, arguments), kernel, arguments]
-            self._kept[key] = kept
-        if kept[0] != dim:
-            kept[1].set_dim(dim)
-            kept[0] = dim
-        return kept[1]
+            command = wp.launch(
+                kernel, dim=dim, inputs=arguments, device=self._device, record_cmd=True
+            )
+            packed = self._packed[key] = [dim, command, kernel, arguments]
+        if packed[0] != dim:
+            packed[1].set_dim(dim)
+            packed[0] = dim
+        return packed[1]
 
     def forget(self) -> None:
         """Drop all cached launches and their arrays, which may have been replaced."""
-        self._kept.clear()
+        self._packed.clear()
         self._again = None
         self.forgotten += 1
-
-    def _record(self, kernel: Any, dim: int, arguments: list[Any]) -> Any:
-        return wp.launch(kernel, dim=dim, inputs=arguments, device=self._device, record_cmd=True)
 
 
 class _EdgeData(ctypes.Structure):

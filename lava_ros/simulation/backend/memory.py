@@ -15,14 +15,16 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 import warp as wp
+from warp.types import type_size_in_bytes
 
 from lava_ros.errors import LavaError
 
 #: Part of Warp's message if a device has no memory left.
 NO_MEMORY = 'Failed to allocate'
 
-#: Type of the pieces of a block: a Warp array has at most 2^31 items of any type.
-_PIECE = wp.mat44d
+#: Type of the pieces of a block, as a Warp array has at most 2^31 items of any type, and their size
+#: [bytes], the alignment of arrays.
+_PIECE, _BYTES = wp.mat44d, type_size_in_bytes(wp.mat44d)
 
 
 class OutOfMemoryError(LavaError, MemoryError):
@@ -43,13 +45,6 @@ def within_memory() -> Iterator[None]:
         raise OutOfMemoryError('memory', 'used up', expected) from error
 
 
-#: Size of an item of a type [bytes]; Warp counts it again each time.
-_size = lru_cache(wp.types.type_size_in_bytes)
-
-#: Alignment of arrays [bytes].
-PIECE = _size(_PIECE)
-
-
 def bytes_per_cell(*kinds: Any, without: Collection[str] = ()) -> int:
     """Return the memory that the two-dimensional arrays of structs take for each cell [bytes].
 
@@ -58,7 +53,7 @@ def bytes_per_cell(*kinds: Any, without: Collection[str] = ()) -> int:
     items = [item for kind in kinds for item in kind.vars.items()]
     types = [item.type for name, item in items if name not in without]
     maps = [one for one in types if isinstance(one, wp.array) and one.ndim == 2]
-    return sum(_size(one.dtype) for one in maps)
+    return sum(type_size_in_bytes(one.dtype) for one in maps)
 
 
 class ArrayBlock:
@@ -87,13 +82,13 @@ class ArrayBlock:
         else:
             # the system clears only pages that are used, and most of a terrain stays dry
             try:
-                self._block = np.zeros((end + 1) * PIECE, dtype=np.uint8)
+                self._block = np.zeros((end + 1) * _BYTES, dtype=np.uint8)
             except MemoryError as error:
                 raise RuntimeError(f'{NO_MEMORY} memory: {error}') from error
-            self._first = -(-self._block.ctypes.data // PIECE) * PIECE
-        self._size = end * PIECE
+            self._first = -(-self._block.ctypes.data // _BYTES) * _BYTES
+        self._size = end * _BYTES
         self._pointers = {
-            name: self._first + start * PIECE for name, start in zip(items, starts, strict=True)
+            name: self._first + start * _BYTES for name, start in zip(items, starts, strict=True)
         }
 
     def __contains__(self, name: object) -> bool:
@@ -132,14 +127,14 @@ def _places_of(items: tuple[tuple[Any, tuple[int, ...]], ...]) -> tuple[list[int
     starts, end = [], 0
     for dtype, shape in items:
         starts.append(end)
-        end += -(-math.prod(shape) * _size(dtype) // PIECE)
+        end += -(-math.prod(shape) * type_size_in_bytes(dtype) // _BYTES)
     return starts, end
 
 
 @lru_cache(maxsize=64)
 def _described(dtype: Any, shape: tuple[int, ...]) -> Any:
     """Return the C struct of an array; its address is not valid."""
-    return wp.array(ptr=PIECE, dtype=dtype, shape=shape, device='cpu').__ctype__()
+    return wp.array(ptr=_BYTES, dtype=dtype, shape=shape, device='cpu').__ctype__()
 
 
 #: Memory of the host that the GPUs of a thread copy to, by their names, and its maximum [bytes].
@@ -231,18 +226,19 @@ def _read(pieces: Sequence[tuple[Any, int, int]]) -> list[np.ndarray]:
     The GPU copies all to memory that it can write to while the host goes on, which waits once.
     """
     device = pieces[0][0].device
-    ends = np.cumsum([-(-count * _size(one.dtype) // PIECE) for one, _, count in pieces]).tolist()
+    sizes = [count * type_size_in_bytes(one.dtype) for one, _, count in pieces]
+    ends = np.cumsum([-(-size // _BYTES) for size in sizes]).tolist()
     staging = vars(_here).get(device.alias)
     if staging is None or staging.size < ends[-1]:
         # such memory takes long to allocate, and the system cannot use it otherwise
-        is_kept = ends[-1] * PIECE <= _MAX_STAGING
+        is_kept = ends[-1] * _BYTES <= _MAX_STAGING
         staging = wp.empty(ends[-1], dtype=_PIECE, device='cpu', pinned=is_kept)
         if is_kept:
             setattr(_here, device.alias, staging)
     hosts = []
     for (one, first, count), start in zip(pieces, (0, *ends), strict=False):
         host = wp.array(
-            ptr=staging.ptr + start * PIECE, dtype=one.dtype, shape=count, device='cpu',
+            ptr=staging.ptr + start * _BYTES, dtype=one.dtype, shape=count, device='cpu',
             pinned=staging.pinned,
         )
         if count:

@@ -146,7 +146,7 @@ class Scan:
     def __init__(self, length: int, device: Any) -> None:
         """Prepare for arrays of this length, a multiple of 4."""
         self.length, self._device = length, device
-        self._fours = next(fours for most, fours in _FOURS if length < most)
+        self._fours = next(fours for max_count, fours in _FOURS if length < max_count)
         #: Words of the tiles, by groups of four per thread.
         self._words: dict[int, Any] = {}
 

@@ -10,9 +10,6 @@ split into several. Products and sums are fused where the processor supports it,
 depends only on the particle.
 """
 
-#: Neighbours per step. Arrays read this way have at least as many items.
-WIDTH = 8
-
 _AROUND = """{
 #pragma clang fp contract(fast)
     typedef float wide __attribute__((vector_size(32)));
@@ -53,8 +50,8 @@ _AROUND = """{
 def over_neighbors(each: str, count: int = 3) -> str:
     """Return the C++ of a float32 device function that computes sums over neighbours.
 
-    Its arguments include ``values``, an array of vec4, and ``cells`` and ``box`` as in
-    ``cells.cell_functions``; it returns a vector of ``count`` sums, at most 4. ``each`` is C++
+    Its arguments include ``values``, an array of at least eight vec4, and ``cells`` and ``box`` as
+    in ``cells.cell_functions``; it returns a vector of ``count`` sums, at most 4. ``each`` is C++
     that adds the contributions of eight neighbours to ``sum_0``, ``sum_1`` and so on. ``other_0``
     to ``other_3`` are the components of their values, ``place`` is the index of the first of them,
     and ``is_in`` marks those that count; the values of the rest are arbitrary, even NaN. ``wide``

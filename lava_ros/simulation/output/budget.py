@@ -122,12 +122,12 @@ class VolumeBudget:
         if self.overdue > 0.0:
             texts.append(f'behind: {self.overdue:.3g} m3 of lava is overdue in the vents')
         thin = 'is on ground that it has not inundated: it is too thin to count'
-        for part, most, fate in (
+        for part, max_fraction, fate in (
             *((part, GONE, f'was {VOLUMES[part][0]}: it is on no map') for part in _GONE),
             ('thin', THIN, thin),
         ):
             gone = getattr(self, part)
-            if gone > most * self.emitted:
+            if gone > max_fraction * self.emitted:
                 percent = 100.0 * gone / self.emitted if self.emitted > 0.0 else math.nan
                 texts.append(f'{percent:.3g} % of the lava {fate}')
         return texts

@@ -228,7 +228,7 @@ def summary_of(data: bytes) -> Summary:
     """Read the first ``PREFIX_SIZE`` bytes of a checkpoint; the rest may be missing.
 
     Raises:
-        LavaError: If they are not those of a checkpoint, or of another version.
+        LavaError: If they do not begin a checkpoint, or begin one of another version.
     """
     if len(data) < PREFIX_SIZE or data[: len(_MAGIC)] != _MAGIC:
         start = f'{len(data)} bytes that start with {data[: len(_MAGIC)]!r}'

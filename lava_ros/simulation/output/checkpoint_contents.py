@@ -46,10 +46,10 @@ def capacity_for(checkpoint: Checkpoint) -> int:
 
 def check_contents(checkpoint: Checkpoint) -> None:
     """Raise LavaError for numbers that no simulation of the scene and its past vents has."""
-    for name, values, least, most, expected in _ranges(checkpoint):
+    for name, values, minimum, maximum, expected in _ranges(checkpoint):
         # NaN compares as False
-        if not ((values >= least) & (values <= most)).all():
-            wrong = values[~((values >= least) & (values <= most))]
+        if not ((values >= minimum) & (values <= maximum)).all():
+            wrong = values[~((values >= minimum) & (values <= maximum))]
             raise LavaError(f'checkpoint.{name}', float(wrong.flat[0]), expected)
 
 

@@ -85,7 +85,7 @@ def _kernel(real: Any) -> Any:
 def gather_numbers(
     state: State, vents: VentSet, raised: RaisedTerrain | None, former: Any = None
 ) -> Any:
-    """Gather the current values in an array on the device, that of a ``former`` call if it fits.
+    """Gather the current values in an array on the device: the ``former`` one if it fits.
 
     Particles that have left must have been dropped. ``raised`` is the ground if lava can have
     solidified onto it.

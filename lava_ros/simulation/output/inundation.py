@@ -71,7 +71,7 @@ def footprint_cells(inundated: np.ndarray) -> np.ndarray:
 def area_of(cells: np.ndarray, resolution: float) -> float:
     """Return the area of a mask or of fractions of cells [m2].
 
-    The inundated area is that of the inundated fraction.
+    The inundated area is the area of the inundated fraction.
 
     Args:
         cells: Mask, bool, or fraction (``Snapshot.inundated``), NaN without data, shape [rows,
@@ -110,18 +110,18 @@ def raise_peak(peak: np.ndarray, arrived: np.ndarray, threshold: float) -> np.nd
     Returns:
         Peak thickness [m], float32, same shape.
     """
-    least = np.where(reached_cells(arrived), np.float32(threshold), np.float32(0.0))
-    return np.fmax(peak, least).astype(np.float32)
+    minimum = np.where(reached_cells(arrived), np.float32(threshold), np.float32(0.0))
+    return np.fmax(peak, minimum).astype(np.float32)
 
 
-def standing_cells(thickness: np.ndarray, least: float) -> np.ndarray:
+def standing_cells(thickness: np.ndarray, minimum: float) -> np.ndarray:
     """Return the cells with lava, flowing or solidified.
 
     Args:
         thickness: Lava thickness [m], NaN without lava or data, any shape.
-        least: Minimum thickness [m]. A thickness that a map rounds to it counts.
+        minimum: Minimum thickness [m]. A thickness that a map rounds to it counts.
 
     Returns:
         True in cells with lava, bool, same shape.
     """
-    return np.asarray(thickness) >= np.float32(least * (1.0 - _ROUNDING))
+    return np.asarray(thickness) >= np.float32(minimum * (1.0 - _ROUNDING))

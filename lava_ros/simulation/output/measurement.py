@@ -118,9 +118,9 @@ def current_resolution(snapshot: Snapshot, accuracy: Accuracy, expected: Resolut
     if kind is not None:
         slope = _measure_slopes(snapshot.terrain, np.nonzero(wet), snapshot.thickness)
         stress = kind.weight * thickness * slope / np.hypot(1.0, slope)
-        kind = kind.measured(
-            thickness=middle, width=narrow, diameter=2.0 * cell * math.sqrt(count / math.pi),
-            stress=volume_quantile(stress, thickness, 0.5),
+        kind = replace(
+            kind, thickness=middle, width=narrow, diameter=2.0 * cell * math.sqrt(count / math.pi),
+            stress=volume_quantile(stress, thickness, 0.5), is_measured=True,
         )
     distance = expected.spacing * np.sqrt(accuracy.thickness / thickness)
     if not is_extended(count * cell**2, float(np.median(distance))):

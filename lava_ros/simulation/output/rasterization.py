@@ -259,8 +259,8 @@ def _gather_kernel(real: Any, kernel_name: str) -> Any:
         if is_covered:
             total *= real(own_weight)
         thickness[i, j] = wp.float32(total[0])
-        least = real(wp.static(_MIN_STANDING)) * m.constants.threshold
-        if m.arrived[i, j] < wp.float32(0.0) and total[0] >= least:
+        min_standing = real(wp.static(_MIN_STANDING)) * m.constants.threshold
+        if m.arrived[i, j] < wp.float32(0.0) and total[0] >= min_standing:
             # films that are each too thin to count, and together thick enough
             m.arrived[i, j] = wp.float32(m.clock[TIME])
         if total[0] != real(0.0):
@@ -297,8 +297,7 @@ class Raster:
     COUNT = 2
 
     def __init__(
-        self, terrain: StaggeredTerrain, radius: float, kernel: str, device: Any, *, reach: float,
-        more: int = 0,
+        self, terrain: StaggeredTerrain, radius: float, kernel: str, *, reach: float, more: int
     ) -> None:
         """Allocate the grids.
 
@@ -306,14 +305,11 @@ class Raster:
             terrain: The ground.
             radius: Radius of the output's kernel [m], l_render in the paper.
             kernel: Name of the kernel.
-            device: Warp device.
             reach: Distance from a particle at which there can be lava of it [m].
             more: Number of additional grids for callers to fill.
         """
-        self._terrain = terrain
-        self._radius = radius
-        self._kernel = kernel
-        self._device = device
+        self._terrain, self._radius, self._kernel = terrain, radius, kernel
+        device = terrain.known.device
         shape = (self.COUNT + more, terrain.ground.rows, terrain.ground.columns)
         self.grids = wp.zeros(shape, dtype=wp.float32, device=device)
         self.thickness, self.temperature = self.grids[0], self.grids[1]

@@ -225,11 +225,11 @@ def rows_of(particles: Particles, terrain: Terrain, spacing: float) -> np.ndarra
     number = np.arange(len(order)) - begin[group]
     # evenly, on a sunflower spiral; in the opposite direction if there is no ground
     turn = 2.399963 * number
-    way = np.stack([np.cos(turn), np.sin(turn)], axis=1) * np.sqrt(number)[:, None]
-    way *= _COINCIDENT_OFFSET * spacing
-    copies, way = order[number > 0], way[number > 0]
-    onto = terrain.covered(places[copies] + way)
-    places[copies] += np.where(onto[:, None], way, -way)
+    offset = np.stack([np.cos(turn), np.sin(turn)], axis=1) * np.sqrt(number)[:, None]
+    offset *= _COINCIDENT_OFFSET * spacing
+    copies, offset = order[number > 0], offset[number > 0]
+    onto = terrain.covered(places[copies] + offset)
+    places[copies] += np.where(onto[:, None], offset, -offset)
     return np.column_stack([places, particles.volume, particles.temperature])
 
 

@@ -20,7 +20,7 @@ from lava_ros.simulation.particles.layout import CellMaps
 
 @wp.struct
 class CellWindow:
-    """The cells of a launch: those of whole rows or of a rectangle.
+    """The cells of a launch: whole rows or a rectangle.
 
     ``margin`` is the number of cells around the bounds that lava can reach, ``rows`` and
     ``columns`` are those of the terrain, and ``width`` is the number of columns of the launch.

@@ -32,7 +32,7 @@ _CELLS = ((2.8, (3, 3)), (0.0, (2, 4)))
 
 def cells_to_radius(ratio: float) -> tuple[int, int]:
     """Return rows and columns of cells per kernel radius, for a ratio of radius to spacing."""
-    return next(cells for least, cells in _CELLS if ratio >= least)
+    return next(cells for min_ratio, cells in _CELLS if ratio >= min_ratio)
 
 
 class CellFunctions(NamedTuple):

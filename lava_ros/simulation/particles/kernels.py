@@ -116,6 +116,7 @@ class SmoothingKernel(NamedTuple):
             spaced particles, including the particle itself, over their thickness. It is the
             aliasing of the kernel's transform, measured on hexagonal and square lattices (after
             Dehnen & Aly 2012, who subtract it from the particle's own weight).
+        excess_power: Power of its argument to which ``excess`` is proportional.
     """
 
     norm: float
@@ -126,6 +127,7 @@ class SmoothingKernel(NamedTuple):
     wide_terms: str | None
     stiffness: float
     excess: Any
+    excess_power: float
 
 
 @lru_cache
@@ -191,11 +193,11 @@ def smoothing_kernel(name: str, real: Any) -> SmoothingKernel:
         return real(0.0)
 
     kernels = {
-        'wendland': (7.0, wendland_shape, wendland_slope, 10.18, wendland_excess),
-        'poly6': (4.0, poly6_shape, poly6_slope, 6.76, no_excess),
-        'spiky': (10.0, spiky_shape, spiky_slope, 10.28, spiky_excess),
+        'wendland': (7.0, wendland_shape, wendland_slope, (10.18, wendland_excess, 2.5)),
+        'poly6': (4.0, poly6_shape, poly6_slope, (6.76, no_excess, 1.0)),
+        'spiky': (10.0, spiky_shape, spiky_slope, (10.28, spiky_excess, 1.5)),
     }
-    norm, shape, slope, stiffness, excess = kernels[name]
+    norm, shape, slope, others = kernels[name]
     vec2 = wp.types.vector(2, real)
     what_is_left = _one_less(real)
 
@@ -214,7 +216,7 @@ def smoothing_kernel(name: str, real: Any) -> SmoothingKernel:
     both: tuple[Any, tuple[float, float], str | None] = (terms, (1.0, 1.0), None)
     if name == 'wendland':
         both = (wendland_terms, (-4.0, -20.0), _WIDE_WENDLAND)
-    return SmoothingKernel(norm / math.pi, shape, slope, *both, stiffness, excess)
+    return SmoothingKernel(norm / math.pi, shape, slope, *both, *others)
 
 
 @lru_cache
@@ -287,7 +289,7 @@ def _powers_of() -> str:
     In sums over neighbours K0 is the weight of a mean, and most of the work of the slowest pass.
     The slowest operations are not multiplications but those for which a GPU has one unit in
     eight: log2, 2^x and the root. So all of log2 K0 is one polynomial of log2 r^2, without a
-    root: the sum of that of log2(e^x K0) around the middle of the octaves, and that of x.
+    root: the sum of the polynomials of log2(e^x K0) around the middle of the octaves, and of x.
     """
     degree = len(_K0) - 1
     lines = [f'float p{n} = {power!r}f;' for n, power in enumerate(_K0)]
@@ -301,9 +303,9 @@ def _powers_of() -> str:
     powers = [
         f'powers.c[{n}] = p{n + 1} + {scale * root!r}f * support;' for n, root in enumerate(_ROOT)
     ]
-    least, most = (f'{radii!r}f' for radii in (_MIN_RADII, _MAX_RADII))
+    min_radii, max_radii = (f'{radii!r}f' for radii in (_MIN_RADII, _MAX_RADII))
     return f"""
-    const float support = x < {least} ? {least} : x > {most} ? {most} : x;
+    const float support = x < {min_radii} ? {min_radii} : x > {max_radii} ? {max_radii} : x;
     const float shift = wp::log2(support * support * {0.25 / SQUARED_SUPPORT!r}f);
     {' '.join(lines)}
     wp::vec_t<6, wp::float32> powers;
@@ -328,7 +330,7 @@ def _exp2(real: Any) -> Any:
 def k0_within(real: Any) -> K0Within:
     """Return K0 for sums over neighbours.
 
-    In float64 it is that of ``bessel``. In float32 it is accurate to 2e-4 for k times the support
+    In float64 it is K0 of ``bessel``. In float32 it is accurate to 2e-4 for k times the support
     from 0.05 to 1, to 4e-4 up to 5, and to 2e-3 up to 30, where only a particle's own weight
     counts.
     """

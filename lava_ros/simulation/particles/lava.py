@@ -59,7 +59,7 @@ class ParticleLava:
         raster: The terrain's cells, for maps.
         stage: The kernels of one stage of a step.
         vents: The vents on the device.
-        volume_before: Volume on the terrain at the start, plus that of former vents [m3].
+        volume_before: Volume on the terrain at the start, plus the emission of former vents [m3].
         most_particles: Maximum number of particles at any readback so far.
         is_empty: True if there was no particle at the latest readback.
         keeps_peaks: False: observations gather the peaks.
@@ -126,7 +126,7 @@ class ParticleLava:
         output_radius = max(accuracy.raster_ratio * accuracy.radius, 1.5 * terrain.resolution)
         # grids for solidified lava, and for what lava has covered
         self.raster = Raster(
-            self.terrain, output_radius, accuracy.kernel, self.device,
+            self.terrain, output_radius, accuracy.kernel,
             reach=max(output_radius, accuracy.radius),
             more=(self.raised is not None) + len(SHOWN),
         )
@@ -141,7 +141,7 @@ class ParticleLava:
     def grid_over(self, terrain: StaggeredTerrain) -> NeighborGrid:
         """Return a neighbour grid for a terrain, to be fitted by ``cover``."""
         accuracy = self.accuracy
-        return NeighborGrid(terrain, accuracy.radius, accuracy.ratio, self.device)
+        return NeighborGrid(terrain, accuracy.radius, accuracy.ratio)
 
     def build_stage(self) -> None:
         """Collect the kernels of the effects for the state, the terrain and the grids."""

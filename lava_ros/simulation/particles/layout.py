@@ -56,7 +56,7 @@ class Form(NamedTuple):
         is_guarded: True if displacements are limited; a step of fixed length is not.
         has_velocity: True if particles have momentum.
         has_remainder: True if they carry rounding errors, with float32.
-        has_temperature_remainder: True if they carry that of the temperature.
+        has_temperature_remainder: True if they carry the rounding error of the temperature.
         has_mean: True if the mean temperature around a particle decides how it moves.
         has_age: True if particles know their time of emission.
         has_slope: True if the slope of the surface is kept for the heat balance.
@@ -83,43 +83,15 @@ class Form(NamedTuple):
     is_ranked_again: bool
 
 
-class Declaration(NamedTuple):
-    """An array on the device.
-
-    Attributes:
-        dtype: ``real`` or a vector of it (``vec2``, ``vec3``, ``vec4``), ``int32``, ``float32`` or
-            ``float64``.
-        shape: Dimensions: ``particle`` (the capacity), ``row`` and ``column`` of the terrain's
-            cells, or a number of items.
-        only_if: Property of ``Form`` without which the array is not allocated.
-        is_carried: True if particles carry it from step to step, or with ``is_of_step`` from stage
-            to stage. Such an array has a twin in the order of the cells (``ordered``), named
-            ``ordered_`` and its name.
-        is_of_step: True if it is meaningless between two steps.
-        is_saved: True if checkpoints contain it; they always contain carried arrays.
-    """
-
-    dtype: str
-    shape: tuple[int | str, ...]
-    only_if: str = ''
-    is_carried: bool = False
-    is_of_step: bool = False
-    is_saved: bool = False
-
-
 def array(text: str, dtype: str, *shape: int | str, **options: Any) -> Any:
-    """Return a dataclass field for an array of ``Declaration``; ``text`` states its contents."""
-    one = Declaration(dtype, shape, **options)
-    return field(default=None, repr=False, metadata={'declaration': one, 'text': text})
+    """Return a dataclass field for an ``Array``; ``text`` states its contents."""
+    one = Array(dtype, shape, **options)
+    return field(default=None, repr=False, metadata={'array': one, 'text': text})
 
 
-def declarations(kind: type) -> dict[str, Declaration]:
+def declarations(kind: type) -> dict[str, Array]:
     """Return the arrays that a dataclass declares, by name."""
-    return {
-        item.name: item.metadata['declaration']
-        for item in fields(kind)
-        if 'declaration' in item.metadata
-    }
+    return {item.name: item.metadata['array'] for item in fields(kind)}
 
 
 @dataclass(eq=False)
@@ -246,24 +218,13 @@ class CellMaps:
     )
 
 
-def _with_twins(arrays: Mapping[str, Declaration]) -> dict[str, Declaration]:
+def _with_twins(arrays: Mapping[str, Array]) -> dict[str, Array]:
     """Return arrays and their twins in the order of the cells, by name."""
     twins = {
         f'ordered_{name}': one._replace(is_carried=False, is_of_step=False)
         for name, one in arrays.items() if one.is_carried
     }
     return {**arrays, **twins}
-
-
-def _declared(arrays: Mapping[str, Array]) -> dict[str, Declaration]:
-    """Return the arrays that effects add, and their twins, by name."""
-    return _with_twins({
-        name: Declaration(
-            one.dtype, ('particle' if one.count is None else one.count,),
-            is_carried=one.is_carried, is_saved=one.is_saved,
-        )
-        for name, one in arrays.items()
-    })
 
 
 #: The arrays of the solver, by name, and those that kernels read of the terrain's cells.
@@ -276,16 +237,16 @@ _OTHERS = (*CELL_MAPS, 'ground', 'cells', 'constants', 'law', 'heat')
 _MORE_ARRAYS = join_names('arrays', EFFECTS, (*ARRAYS, *_OTHERS))
 
 
-def declared_arrays(form: Form, effects: Effects) -> dict[str, Declaration]:
+def declared_arrays(form: Form, effects: Effects) -> dict[str, Array]:
     """Return the arrays of particles with some effects, by name."""
     own = {
         name: one for name, one in ARRAYS.items() if not one.only_if or getattr(form, one.only_if)
     }
-    return own | _declared(effects.arrays)
+    return own | _with_twins(effects.arrays)
 
 
 def kinds_of(real: Any) -> dict[str, Any]:
-    """Return the Warp types by the names that a ``Declaration`` uses for them."""
+    """Return the Warp types by the names that an ``Array`` uses for them."""
     vectors = {f'vec{length}': wp.types.vector(length, real) for length in (2, 3, 4)}
     numbers = {'int32': wp.int32, 'float32': wp.float32, 'float64': wp.float64}
     return {'real': real, **numbers, **vectors}
@@ -321,7 +282,7 @@ def cell_frame(real: Any) -> Any:
     and ``first_column`` locate the window in the grid of the whole terrain. Lava before column
     ``west`` or row ``south``, or at or beyond ``east`` or ``north``, is near the window's border.
     ``starts`` is the index of each cell's first ordered particle, shape [at least cells + 2]; the
-    item after the last cell is the number of particles on the terrain, the next that of all.
+    item after the last cell is the number of particles on the terrain, the next the number of all.
     ``sizes`` counts the particles of each cell during binning, and is 0 otherwise.
     """
 
@@ -382,7 +343,7 @@ def arguments_type(real: Any) -> Any:
     kinds = kinds_of(real)
     types = {
         name: wp.array(dtype=kinds[one.dtype], ndim=len(one.shape))
-        for name, one in (CELL_MAPS | ARRAYS | _declared(_MORE_ARRAYS)).items()
+        for name, one in (CELL_MAPS | ARRAYS | _with_twins(_MORE_ARRAYS)).items()
     }
     types |= {
         'ground': ground_type(real),

@@ -35,7 +35,7 @@ from lava_ros.simulation.particles.terrain import StaggeredTerrain
 WHOLE = 2**14
 
 #: Initial margin of a window on each side of the lava, minimum length of an extension [radii], and
-#: the length of an extension over that of the window: each stage visits all of its cells.
+#: the length of an extension over the length of the window: each stage visits all of its cells.
 MARGIN, PIECE, GROWTH = 16.0, 12.0, 1.0
 
 #: Distance from the window's border at which lava requests an extension [radii]; some more steps
@@ -57,7 +57,7 @@ MAX_CELLS = 2**26
 MAX_DISTANCE = 2**20
 
 #: Maximum number of particles in a cell; evenly spread lava has one. It bounds the cost of sums
-#: over neighbours relative to that of evenly spread lava.
+#: over neighbours relative to the cost with evenly spread lava.
 MAX_PARTICLES_PER_CELL = 2**15
 
 
@@ -97,7 +97,7 @@ def _kernels(form: Form) -> tuple[Any, ...]:
 
     @wp.func
     def rank_of(i: int, first: int, end: int, members: wp.array(dtype=wp.int32)) -> int:
-        """Return the rank of a particle by number among those of its cell."""
+        """Return the rank of a particle by number among the particles of its cell."""
         before = wp.int32(0)
         for k in range(first, end):
             if compiled.load_int(members, k) < i:
@@ -161,14 +161,11 @@ class NeighborGrid:
             then counted as such, though they are not dropped yet.
     """
 
-    def __init__(
-        self, terrain: StaggeredTerrain, radius: float, ratio: float, device: Any
-    ) -> None:
+    def __init__(self, terrain: StaggeredTerrain, radius: float, ratio: float) -> None:
         """Divide the terrain into cells for a kernel radius [m] and its ratio to the spacing."""
         self._terrain = terrain
         self._radius, self._spacing = radius, radius / ratio
         rows, columns = cells_to_radius(ratio)
-        self._device = device
         ground = terrain.exact_ground
         self.cells = cell_frame(terrain.height.dtype)()
         self.cells.x0, self.cells.y0 = ground.x0, ground.y0
@@ -266,10 +263,12 @@ class NeighborGrid:
         self.is_binned = False
         # always 0 except while particles are binned
         room = 4 * math.ceil((cells.rows * cells.columns + 2) / 4)
-        cells.sizes = wp.zeros(room, dtype=wp.int32, device=self._device)
-        cells.starts = wp.zeros(room, dtype=wp.int32, device=self._device)
+        device = self._terrain.height.device
+        cells.sizes, cells.starts = (
+            wp.zeros(room, dtype=wp.int32, device=device) for _ in range(2)
+        )
         self.cells = cells
-        self._scan = Scan(room, self._device)
+        self._scan = Scan(room, device)
 
     def bin(self, state: State, arguments: Any) -> None:
         """Assign each particle to its cell, as a motion that sets ``is_binned`` does."""

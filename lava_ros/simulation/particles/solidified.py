@@ -74,7 +74,7 @@ class RaisedTerrain(StaggeredTerrain):
         """Copy the heights of a terrain, on which no lava has solidified yet."""
         super().__init__(terrain, precision, device)
         self._terrain = terrain
-        # not that of the bare ground, which other simulations share
+        # not the elevation of the bare ground, which other simulations share
         self.ground.elevation = self.height = wp.clone(self.bare)
         self.deposit = wp.zeros(self.height.shape, dtype=wp.int64, device=device)
         self.placed = wp.zeros(self.known.shape, dtype=wp.int64, device=device)

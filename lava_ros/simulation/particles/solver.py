@@ -159,7 +159,7 @@ class ParticleSolver(ParticleLava):
         self.state.launches.forget()
 
     def replace_terrain(self, scene: Scene) -> None:
-        """Replace the terrain by that of another scene; particles outside it count as lost.
+        """Replace the terrain by the terrain of another scene; particles outside it count as lost.
 
         Raises:
             LavaError: If the spacing is too small for the terrain. The previous one then remains.

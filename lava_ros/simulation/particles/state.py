@@ -99,7 +99,7 @@ class State(Arrays):
         self.top.fill_(-at.FAR)
         if not device.is_cuda:
             # a view of the current values: creating it takes 10 us
-            self._seen_counts = self.counts.numpy()
+            self._counts_view = self.counts.numpy()
         self._time, self._target = (
             self.clock[place : place + 1] for place in (at.TIME, at.TARGET)
         )
@@ -148,7 +148,7 @@ class State(Arrays):
             return self.capacity
         if self.launches.is_capturing:
             return self.launches.extent
-        return int(self._seen_counts[at.PARTICLES] + self._seen_counts[at.NEWCOMERS])
+        return int(self._counts_view[at.PARTICLES] + self._counts_view[at.NEWCOMERS])
 
     @property
     def parts(self) -> int:

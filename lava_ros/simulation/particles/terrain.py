@@ -79,7 +79,7 @@ class StaggeredTerrain:
         self.ground.elevation = self.height
 
     def raise_to(self, places: np.ndarray, top: Any) -> None:
-        """Raise a height [m], shape [1] on the device, to that of the highest of some places.
+        """Raise a height [m], shape [1] on the device, to the highest ground of some places.
 
         They are relative to the terrain's centre [m], shape [count, 2].
         """
@@ -299,7 +299,7 @@ def terrain_functions(real: Any) -> TerrainFunctions:
 
 @lru_cache
 def speed_limit_function(real: Any) -> Any:
-    """Return the device function that limits a velocity at a place to that of free fall."""
+    """Return the device function that limits a velocity at a place to the speed of free fall."""
     vec2 = wp.types.vector(2, real)
     height_at = terrain_functions(real).height_at
 

@@ -32,7 +32,7 @@ from lava_ros.effects.heat import host_temperature
 from lava_ros.effects.laws import Rheology
 from lava_ros.effects.scales import Columns
 from lava_ros.scene import Scene, Terrain, Vent
-from lava_ros.simulation.setup.descent import averaged, descent, profiles, slope_at
+from lava_ros.simulation.setup.descent import average_terrain, find_path, sample_profiles, slope_at
 
 #: Quantile of the widths along the path: the narrow parts are those that must be resolved.
 NARROW = 0.25
@@ -203,13 +203,14 @@ def _sources(scene: Scene, horizon: float) -> list[_Source]:
         chosen = sorted(numbers)
         members = [vents[number] for number in chosen]
         volume = sum(vent.volume_between(0.0, horizon) for vent in members)
+        discharges = _discharges(members, horizon)
         sources.append(_Source(
             places=np.concatenate([starts[chosen], ends[chosen]]),
             radius=float(radii[chosen].max()),
-            discharge=_peak(members, horizon),
+            discharge=max(discharge for discharge, _ in discharges),
             volume=volume,
             temperature=max(vent.temperature for vent in members),
-            mean=volume / _time_erupting(members, horizon),
+            mean=volume / math.fsum(time for discharge, time in discharges if discharge > 0.0),
         ))
     return sorted(sources, key=lambda source: source.discharge, reverse=True)
 
@@ -225,8 +226,8 @@ def _distance(
     def to_line(places: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
         along = other - one
         length = np.maximum((along**2).sum(axis=-1), 1e-12)
-        share = np.clip(((places - one) * along).sum(axis=-1) / length, 0.0, 1.0)
-        return np.hypot(*np.moveaxis(places - one - share[..., None] * along, -1, 0))
+        fraction = np.clip(((places - one) * along).sum(axis=-1) / length, 0.0, 1.0)
+        return np.hypot(*np.moveaxis(places - one - fraction[..., None] * along, -1, 0))
 
     return np.min([
         to_line(start, starts, ends), to_line(end, starts, ends),
@@ -234,20 +235,13 @@ def _distance(
     ], axis=0)
 
 
-def _peak(vents: Sequence[Vent], horizon: float) -> float:
-    """Return the largest sum of the vents' discharges up to a time [s], in m3/s."""
-    times = {0.0, *(time for vent in vents for time, _ in vent.series if 0.0 < time < horizon)}
-    return max(sum(vent.discharge_at(time) for vent in vents) for time in times)
-
-
-def _time_erupting(vents: Sequence[Vent], horizon: float) -> float:
-    """Return the time up to a horizon during which any of the vents has a discharge, in s."""
+def _discharges(vents: Sequence[Vent], horizon: float) -> list[tuple[float, float]]:
+    """Return each constant sum of the vents' discharges [m3/s] up to a time, and how long [s]."""
     changes = {time for vent in vents for time, _ in vent.series if 0.0 < time < horizon}
-    times = sorted({0.0, horizon, *changes})
-    return math.fsum(
-        end - start for start, end in pairwise(times)
-        if any(vent.discharge_at(start) > 0.0 for vent in vents)
-    )
+    return [
+        (sum(vent.discharge_at(start) for vent in vents), end - start)
+        for start, end in pairwise(sorted({0.0, horizon, *changes}))
+    ]
 
 
 def _follow(
@@ -258,12 +252,12 @@ def _follow(
     rheology = Rheology(lava, effects)
     viscosity = rheology.viscosity_at(source.temperature)
     scale = (3.0 * viscosity * source.discharge / weight) ** 0.25
-    terrain = averaged(scene.terrain, round(_CELL * scale / scene.terrain.resolution))
+    terrain = average_terrain(scene.terrain, round(_CELL * scale / scene.terrain.resolution))
     x0, y0, x1, y1 = terrain.extent
     level = _HUPPERT * (weight * source.discharge**3 / (3.0 * viscosity)) ** 0.125
     level = max(level * math.sqrt(horizon), 2.0 * source.radius)
     level = min(level, math.hypot(x1 - x0, y1 - y0))
-    path, height = descent(terrain, tuple(source.places.mean(axis=0).tolist()))
+    path, height = find_path(terrain, tuple(source.places.mean(axis=0).tolist()))
     if len(path) < 3:
         slope = slope_at(scene.terrain, source.places.mean(axis=0))
         return _on_level_ground(source, scale, level, slope, effects), 0.0
@@ -375,10 +369,9 @@ def _normal_depth(
     [m4]: the integral of depth cubed, reduced by the yield strength. Lava up to ``still`` deep
     [m] does not yield. The thickness is the mean weighted by volume.
     """
-    share = np.linspace(-0.5, 0.5, _SAMPLES)
-    offset = widest[:, None] * share
+    offset = widest[:, None] * np.linspace(-0.5, 0.5, _SAMPLES)
     across = np.column_stack([-along[:, 1], along[:, 0]])
-    ground, _ = profiles(terrain, points, across, offset)
+    ground, _ = sample_profiles(terrain, points, across, offset)
     middle = _SAMPLES // 2
     # there is lava where no higher ground lies between a sample and the path
     ground[:, middle:] = np.maximum.accumulate(ground[:, middle:], axis=1)

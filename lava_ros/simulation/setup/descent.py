@@ -5,7 +5,7 @@
 
 Ground beyond the border of a terrain, or on cells without data, is unknown. Along a line through a
 known point it is assumed to continue the mean slope from there to the last known point. So unknown
-ground beside or behind lava changes little, and a path ends where unknown ground is the lowest.
+ground next to or behind lava changes little, and a path ends where unknown ground is the lowest.
 """
 
 from dataclasses import replace
@@ -30,7 +30,7 @@ _STRIP = 64
 
 
 @lru_cache(maxsize=4)
-def averaged(terrain: Terrain, factor: int) -> Terrain:
+def average_terrain(terrain: Terrain, factor: int) -> Terrain:
     """Average a terrain over cells larger by a factor.
 
     A larger cell has data if at least half of its area has. Strips of rows save memory. Members of
@@ -67,7 +67,7 @@ def slope_at(terrain: Terrain, place: np.ndarray) -> float:
 
 
 @lru_cache(maxsize=16)
-def descent(terrain: Terrain, start: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+def find_path(terrain: Terrain, start: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Return points of the steepest descent [m], shape [points, 2], and their elevation [m].
 
     Each is the lowest point of a circle around the previous one, never backwards. In a pit the
@@ -79,12 +79,12 @@ def descent(terrain: Terrain, start: tuple[float, float]) -> tuple[np.ndarray, n
     step = _STRIDE * terrain.resolution
     # one sample in each cell, and one close to the middle: that may be next to a border
     offset = np.array([0.25, *np.arange(1.0, _STRIDE + 1.0)]) * terrain.resolution
-    points = [_known_place(terrain, np.array(start))]
-    heights = [float(_sampled(terrain, points[0][None])[0])]
+    points = [_find_known_place(terrain, np.array(start))]
+    heights = [float(_sample_ground(terrain, points[0][None])[0])]
     ahead, is_known = np.ones(_DIRECTIONS, dtype=bool), True
     while is_known and len(points) < _MAX_POINTS:
         for times in _PITS:
-            height, known = _circle(terrain, points[-1], directions, times * offset)
+            height, known = _sample_circle(terrain, points[-1], directions, times * offset)
             lowest = int(np.argmin(np.where(ahead, height, np.inf)))
             if height[lowest] < heights[-1]:
                 break
@@ -100,21 +100,21 @@ def descent(terrain: Terrain, start: tuple[float, float]) -> tuple[np.ndarray, n
     return np.array(points), np.array(heights)
 
 
-def _circle(
+def _sample_circle(
     terrain: Terrain, centre: np.ndarray, directions: np.ndarray, offsets: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return elevations [m] on a circle, and True where they are known, shape [directions].
 
     ``offsets`` are distances from the centre [m], the last is the radius. Where even the first is
-    on unknown ground, the elevation is that of the plane through the centre and the known points
+    on unknown ground, the elevation is on the plane through the centre and the known points
     at the first distance.
     """
-    height = _sampled(terrain, centre + offsets[-1] * directions)
+    height = _sample_ground(terrain, centre + offsets[-1] * directions)
     if np.isfinite(height).all():
         return height, np.full(height.shape, True)
     offsets = np.concatenate([-offsets[::-1], [0.0], offsets])
     half, middle = len(directions) // 2, len(offsets) // 2
-    profile, known = profiles(terrain, centre[None], directions[:half], offsets)
+    profile, known = sample_profiles(terrain, centre[None], directions[:half], offsets)
     height, near, is_known, is_near = (
         np.concatenate([item[:, middle + number], item[:, middle - number]])
         for item in (profile, known) for number in (middle, 1)
@@ -127,7 +127,7 @@ def _circle(
     return height, is_known
 
 
-def profiles(
+def sample_profiles(
     terrain: Terrain, centres: np.ndarray, directions: np.ndarray, offsets: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Sample the ground along lines, and continue it where it is unknown.
@@ -144,7 +144,7 @@ def profiles(
     """
     offsets = np.broadcast_to(offsets, (len(directions), np.shape(offsets)[-1]))
     places = centres[:, None, :] + offsets[:, :, None] * directions[:, None, :]
-    heights = _sampled(terrain, places.reshape(-1, 2)).reshape(offsets.shape)
+    heights = _sample_ground(terrain, places.reshape(-1, 2)).reshape(offsets.shape)
     known = np.isfinite(heights)
     middle = offsets.shape[1] // 2
     for line in np.flatnonzero(~known.all(axis=1) & known[:, middle]):
@@ -157,7 +157,7 @@ def profiles(
     return heights, known
 
 
-def _known_place(terrain: Terrain, place: np.ndarray) -> np.ndarray:
+def _find_known_place(terrain: Terrain, place: np.ndarray) -> np.ndarray:
     """Return a place [m], or the nearest middle of a cell with data if it is on none."""
     if terrain.covered(place[None])[0]:
         return place
@@ -166,7 +166,7 @@ def _known_place(terrain: Terrain, place: np.ndarray) -> np.ndarray:
     return middles[np.argmin(np.hypot(*(middles - place).T))]
 
 
-def _sampled(terrain: Terrain, places: np.ndarray) -> np.ndarray:
+def _sample_ground(terrain: Terrain, places: np.ndarray) -> np.ndarray:
     """Return elevations [m] at places (x, y), shape [places, 2]; NaN on cells without data.
 
     They are bilinear between the middles of cells. A cell without data next to the place's own
@@ -175,21 +175,21 @@ def _sampled(terrain: Terrain, places: np.ndarray) -> np.ndarray:
     column, row = ((places - terrain.origin) / terrain.resolution - 0.5).T
     j, i = np.floor(column).astype(int), np.floor(row).astype(int)
     s, t = column - j, row - i
-    corners = np.array([_cell(terrain, i + up, j + right) for up in (0, 1) for right in (0, 1)])
+    corners = np.array([_read(terrain, i + up, j + right) for up in (0, 1) for right in (0, 1)])
     if np.isnan(corners).any():
         own = terrain.elevations_at(places)
         at_edge = np.isnan(corners).any(axis=0) & np.isfinite(own)
         for number, corner in enumerate(corners):
             empty = at_edge & np.isnan(corner)
             up, right = divmod(number, 2)
-            corner[empty] = _extrapolated(terrain, i[empty] + up, j[empty] + right, own[empty])
+            corner[empty] = _extrapolate(terrain, i[empty] + up, j[empty] + right, own[empty])
         corners[:, np.isnan(own)] = np.nan
     lower, lower_right, upper, upper_right = corners
     low = (1.0 - s) * lower + s * lower_right
     return (1.0 - t) * low + t * ((1.0 - s) * upper + s * upper_right)
 
 
-def _cell(terrain: Terrain, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+def _read(terrain: Terrain, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     """Return the elevations of cells [i, j] [m], float64, NaN off the grid."""
     rows, columns = terrain.shape
     inside = (i >= 0) & (j >= 0) & (i < rows) & (j < columns)
@@ -197,13 +197,13 @@ def _cell(terrain: Terrain, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     return np.where(inside, found, np.nan).astype(np.float64)
 
 
-def _extrapolated(
+def _extrapolate(
     terrain: Terrain, i: np.ndarray, j: np.ndarray, otherwise: np.ndarray
 ) -> np.ndarray:
     """Return elevations of cells without data [m]: the mean of lines through two cells each."""
     for neighbors in reversed(_AROUND):
         lines = np.array([
-            2.0 * _cell(terrain, i + up, j + right) - _cell(terrain, i + 2 * up, j + 2 * right)
+            2.0 * _read(terrain, i + up, j + right) - _read(terrain, i + 2 * up, j + 2 * right)
             for up, right in neighbors
         ])
         count = np.isfinite(lines).sum(axis=0)

@@ -380,9 +380,9 @@ def _balanced_kernel(
         ground = gradient_at(m.ground, p[0], p[1])
         rest = push * (scale * inverse) + ground - rise
         size = wp.length(rest)
-        most = wp.length(rise)
-        if size > most:
-            rest *= most / size
+        limit = wp.length(rise)
+        if size > limit:
+            rest *= limit / size
         rise += rest
         height = m.flow[i][0]
         if wp.static(has_heat):

@@ -48,7 +48,7 @@ def _guard_function(real: Any, is_pushed: bool) -> Any:
     cells, or high up a wall at whose foot it has to stop. Its displacement in a step is therefore
     at most ``_MAX_DISPLACEMENT_GROWTH`` times the one that steps are chosen for, and lifts it by
     at most its thickness (plus the head of its velocity). If only the slope of its surface moves
-    it, ``is_pushed`` is False, and it is also lifted by at most that slope times the way,
+    it, ``is_pushed`` is False, and it is also lifted by at most that slope times the distance,
     ``_STEEPEST`` h / l.
     """
     vec2 = wp.types.vector(2, real)
@@ -56,22 +56,23 @@ def _guard_function(real: Any, is_pushed: bool) -> Any:
 
     @wp.func
     def guarded(
-        m: arguments_type(real), x: real, y: real, way: vec2, thickness: real, head: real
+        m: arguments_type(real), place: vec2, displacement: vec2, thickness: real, head: real
     ) -> vec2:
-        most = real(_MAX_DISPLACEMENT_GROWTH) * m.constants.reach
-        size = wp.length(way)
-        kept = way
-        if size > most:
-            kept = way * (most / size)
-        here = height_at(m.ground, x, y) + head
+        longest = real(_MAX_DISPLACEMENT_GROWTH) * m.constants.reach
+        size = wp.length(displacement)
+        reduced = displacement
+        if size > longest:
+            reduced = displacement * (longest / size)
+        here = height_at(m.ground, place.x, place.y) + head
         for _ in range(_HALVINGS):
-            share = real(1.0)
+            fraction = real(1.0)
             if wp.static(not is_pushed):
-                share = wp.min(share, real(_STEEPEST) * wp.length(kept) / m.constants.radius)
-            top = here + share * thickness
-            if height_at(m.ground, x + kept.x, y + kept.y) <= top:
-                return kept
-            kept *= real(0.5)
+                rise = real(_STEEPEST) * wp.length(reduced) / m.constants.radius
+                fraction = wp.min(fraction, rise)
+            top = here + fraction * thickness
+            if height_at(m.ground, place.x + reduced.x, place.y + reduced.y) <= top:
+                return reduced
+            reduced *= real(0.5)
         return vec2()
 
     return guarded
@@ -82,7 +83,7 @@ def _heating_function(form: Form, effects: Effects) -> Any:
     """Return the device function of a particle's temperature [K] at the end of a step, or None.
 
     Its arguments: the particle's number, its item of ``State.ordered``, its thickness [m], its
-    place at the start of the step, its way in the step, and arguments of the motion.
+    place at the start of the step, its displacement in the step, and arguments of the motion.
     """
     real = form.real
     warming, column_struct = warming_function(wp, real, effects), column_type(real)
@@ -106,7 +107,7 @@ def _heating_function(form: Form, effects: Effects) -> Any:
 
     @wp.func
     def heated(
-        i: int, p: vec4, thickness: real, start: vec2, way: vec2, m: arguments_type(real)
+        i: int, p: vec4, thickness: real, start: vec2, shift: vec2, m: arguments_type(real)
     ) -> real:
         step = real(m.clock[at.STEP])
         column = column_struct()
@@ -127,15 +128,15 @@ def _heating_function(form: Form, effects: Effects) -> Any:
                 age = real(age_at(begun, m.ordered_emission_time[i]))
         drop = real(0.0)
         if wp.static(falls):
-            drop = -wp.dot(m.slope[i], way)
+            drop = -wp.dot(m.slope[i], shift)
             if wp.static(not form.has_velocity):
                 # the actual drop of the ground, however steep it is where the step begins
-                drop += wp.dot(ground, way)
+                drop += wp.dot(ground, shift)
                 drop += height_at(m.ground, start.x, start.y)
-                drop -= height_at(m.ground, start.x + way.x, start.y + way.y)
+                drop -= height_at(m.ground, start.x + shift.x, start.y + shift.y)
         column.drop = drop / step
         if wp.static(has_speed):
-            column.speed = wp.sqrt(way.x * way.x + way.y * way.y) / step
+            column.speed = wp.sqrt(shift.x * shift.x + shift.y * shift.y) / step
         change = warming(m.heat, column, p[3], age, step)
         if wp.static(form.has_temperature_remainder):
             change += m.ordered_temperature_remainder[i]
@@ -158,7 +159,7 @@ def motion_function(form: Form, effects: Effects) -> Any:
     vec2 = wp.types.vector(2, real)
     # differences and lateral stress push lava up slopes that its own surface slope does not
     guarded = _guard_function(real, form.has_surface or effects.any('is_lateral'))
-    place = bin_function(real, False)
+    put = bin_function(real, False)
     load, store = compiled.access(real, 4)
     load_pair, store_pair = compiled.access(real, 2)
     vec3, vec4 = (wp.types.vector(n, real) for n in (3, 4))
@@ -168,44 +169,34 @@ def motion_function(form: Form, effects: Effects) -> Any:
     @wp.func
     @writing(
         'particle remainder temperature_remainder emission_time base drift mean_temperature cold',
-        place, note,
+        put, note,
     )
     def move_on(i: int, p: vec4, f: vec3, m: arguments_type(real)):
-        x = p[0]
-        y = p[1]
-        dx = m.stage[at.VELOCITY] * f[1]
-        dy = m.stage[at.VELOCITY] * f[2]
-        before = vec2()
+        place = vec2(p[0], p[1])
         start = vec2(f[1], f[2])
+        shift = m.stage[at.VELOCITY] * start
+        before = vec2()
         if wp.static(form.is_staged):  # noqa: SIM102, the static test decides what is compiled
             # displacements, not positions, are combined: this keeps more digits in float32
             if m.counts[at.CURRENT] > 1:
                 b = load(m.ordered_base, i)
                 d = load(m.ordered_drift, i)
-                dx += (
-                    m.stage[at.FORMER] * d[0]
-                    + m.stage[at.BEFORE_FORMER] * b[2]
-                    + m.stage[at.FIRST_VELOCITY] * d[2]
-                )
-                dy += (
-                    m.stage[at.FORMER] * d[1]
-                    + m.stage[at.BEFORE_FORMER] * b[3]
-                    + m.stage[at.FIRST_VELOCITY] * d[3]
-                )
-                x = b[0]
-                y = b[1]
+                place = vec2(b[0], b[1])
                 before = vec2(d[0], d[1])
                 start = vec2(d[2], d[3])
+                shift += (
+                    m.stage[at.FORMER] * before
+                    + m.stage[at.BEFORE_FORMER] * vec2(b[2], b[3])
+                    + m.stage[at.FIRST_VELOCITY] * start
+                )
         if wp.static(form.is_guarded):
             head = real(0.0)
             if wp.static(form.has_velocity):
                 head = (f[1] * f[1] + f[2] * f[2]) / (real(2.0) * m.constants.gravity)
-            way = guarded(m, x, y, vec2(dx, dy), f[0], head)
-            dx = way[0]
-            dy = way[1]
+            shift = guarded(m, place, shift, f[0], head)
         if wp.static(form.is_staged):
-            store(m.base, i, vec4(x, y, before[0], before[1]))
-            store(m.drift, i, vec4(dx, dy, start[0], start[1]))
+            store(m.base, i, vec4(place[0], place[1], before[0], before[1]))
+            store(m.drift, i, vec4(shift[0], shift[1], start[0], start[1]))
             if wp.static(form.has_mean):
                 m.mean_temperature[i] = m.ordered_mean_temperature[i]
         temperature = p[3]
@@ -215,27 +206,25 @@ def motion_function(form: Form, effects: Effects) -> Any:
             m.temperature_remainder[i] = m.ordered_temperature_remainder[i]
         if wp.static(heated is not None):  # noqa: SIM102, the static test decides
             if m.counts[at.IS_LAST] == 1:
-                temperature = heated(i, p, f[0], vec2(x, y), vec2(dx, dy), m)
+                temperature = heated(i, p, f[0], place, shift, m)
         if wp.static(freezes):  # noqa: SIM102, the static test decides
             if m.counts[at.IS_LAST] == 1 and temperature < m.heat.solidus:
                 m.cold[0] = 1
+        new = place + shift
         if wp.static(form.has_remainder):
             rest = load_pair(m.ordered_remainder, i)
-            new = vec2(x, y)
+            new = place
             # past the target nothing moves, not even by rounding
             if m.counts[at.CURRENT] > 0:
-                dx += rest[0]
-                dy += rest[1]
-                new = vec2(x + dx, y + dy)
+                shift += rest
+                new = place + shift
                 if m.counts[at.IS_LAST] == 1:
-                    rest = vec2(dx - (new[0] - x), dy - (new[1] - y))
+                    rest = shift - (new - place)
             store_pair(m.remainder, i, rest)
-            p = vec4(new[0], new[1], p[2], temperature)
-        else:
-            p = vec4(x + dx, y + dy, p[2], temperature)
+        p = vec4(new[0], new[1], p[2], temperature)
         store(m.particle, i, p)
         if wp.static(not form.has_empty):
-            place(i, p, m)
+            put(i, p, m)
         if m.counts[at.IS_LAST] == 1:
             note(p, f[0], m.clock[at.TIME], m)
 
@@ -270,7 +259,7 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
 def move_particles(state: State, arguments: Any, choice: StageChoice, motion: Any) -> None:
     """Move the ordered particles over the stage by the velocity in ``state.flow``.
 
-    ``motion`` is that of ``motion_function``.
+    ``motion`` is the result of ``motion_function``.
     """
     launch_over(
         state,

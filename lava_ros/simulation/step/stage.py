@@ -60,10 +60,11 @@ class Stage:
         self.parts = {
             name: part(scene, accuracy, terrain, state) for name, part in parts_of(state.effects)
         }
-        movers = [part for part in self.parts.values() if part.moves_particles]
+        parts = self.parts.values()
         # such a pass computes the velocity and also moves the particles
-        self._mover = movers[0] if movers and not self._is_published else None
-        self._needs_flow_after_motion = any(part.finishes_step for part in self.parts.values())
+        movers = [] if self._is_published else [one for one in parts if one.has('move_particles')]
+        self._mover = movers[0] if movers else None
+        self._needs_flow_after_motion = any(part.has('finish_step') for part in parts)
 
     def take(
         self, scene: Scene, vents: VentSet, *, observe: Callable[[], None] | None = None

@@ -94,10 +94,10 @@ def _is_permitted(
     distance = np.linalg.norm(places - base, axis=1)
     outside = np.flatnonzero(permitted & (distance > radius))
     if len(outside):
-        base, way, distance = base[outside], (places - base)[outside], distance[outside]
+        base, offset, distance = base[outside], (places - base)[outside], distance[outside]
         count = 2 + math.ceil(2.0 * distance.max() / terrain.resolution)
         fractions = np.linspace(0.0, 1.0, count)
-        ground = terrain.elevations_at(base[:, None] + fractions[:, None] * way[:, None])
+        ground = terrain.elevations_at(base[:, None] + fractions[:, None] * offset[:, None])
         is_own = fractions * distance[:, None] <= radius
         highest = np.where(is_own, ground, -np.inf).max(axis=1)
         # ground without data is NaN and compares as False

@@ -236,7 +236,7 @@ class VentSet(OpenVents):
         outlets.first_place = wp.zeros(len(self.vents) + 1, dtype=wp.int32, device=self._device)
         for number, (vent, radius) in enumerate(zip(self.vents, self._radii, strict=True)):
             if not is_open(vent, radius, terrain, rise):
-                tried = self._places(outlets, number, 0, _CANDIDATES)
+                tried = self.places(number, 0, _CANDIDATES, outlets)
                 found = permitted_places(vent, tried, terrain, rise)
                 if len(found) < _CANDIDATES or not np.array_equal(found, tried):
                     places.append(found - self._centre)
@@ -245,16 +245,11 @@ class VentSet(OpenVents):
             outlets.places = wp.array(np.concatenate(places), dtype=wp.vec2d, device=self._device)
             outlets.first_place.assign(np.array(first, dtype=np.int32))
 
-    def places(self, number: int, first: int, count: int) -> np.ndarray:
+    def places(self, number: int, first: int, count: int, outlets: Any = None) -> np.ndarray:
         """Return the places of consecutive particles of a vent, (x, y) [m], shape [count, 2]."""
-        return self._places(self.outlets, number, first, count)
-
-    def _places(self, outlets: Any, number: int, first: int, count: int) -> np.ndarray:
         places = wp.empty(count, dtype=wp.vec2d, device=self._device)
-        wp.launch(
-            list_places, count, inputs=[number, first, outlets], outputs=[places],
-            device=self._device,
-        )
+        inputs = [number, first, self.outlets if outlets is None else outlets]
+        wp.launch(list_places, count, inputs=inputs, outputs=[places], device=self._device)
         return read(places) + self._centre
 
     def emission(self, time: float) -> Emission:

@@ -12,7 +12,7 @@ from functools import lru_cache
 from importlib import import_module
 from importlib.util import find_spec
 import math
-from typing import Any, ClassVar
+from typing import Any
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
@@ -28,14 +28,7 @@ class DevicePart:
     A stage calls the hooks of all effects that are on in the order of this class, and each hook in
     the order of the effects' ranks. ``arguments`` is the struct that all kernels of a stage take
     (``layout.arguments_type``). Hooks launch kernels and read nothing back.
-
-    Attributes:
-        moves_particles: True if ``move_particles`` replaces the motion.
-        finishes_step: True if ``finish_step`` does something.
     """
-
-    moves_particles: ClassVar[bool] = False
-    finishes_step: ClassVar[bool] = False
 
     def __init__(
         self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
@@ -48,7 +41,15 @@ class DevicePart:
             terrain: The ground on the device; a ``RaisedTerrain`` if lava can solidify.
             state: The particles.
         """
-        self.accuracy, self.state = accuracy, state
+        self.accuracy, self.terrain, self.state = accuracy, terrain, state
+        self.prepare(scene)
+
+    def prepare(self, scene: Scene) -> None:
+        """Compute the constants of the kernels."""
+
+    def has(self, hook: str) -> bool:
+        """Return True if the effect defines a hook."""
+        return getattr(type(self), hook) is not getattr(DevicePart, hook)
 
     @staticmethod
     def step_limit(scene: Scene, accuracy: Accuracy, reach: float) -> float:

@@ -32,13 +32,10 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.effects.heat import heat_type
 from lava_ros.scene import Scene
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import access, quick_kernel
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
 from lava_ros.simulation.particles.layout import arguments_type, IS_LAST, PARTICLES, STEP
-from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.particles.terrain import StaggeredTerrain
 from lava_ros.simulation.step.effects import DevicePart
 
 #: Maximum exchange rate of a particle, over kappa / l^2, for the number of sweeps: an even layer
@@ -104,7 +101,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects, threads: int) -> tup
             own = m.warmth[i]
             inverse = real(1.0) / m.constants.radius
             step = real(m.waited[1] * fraction)
-            most = wp.max(real(1.0), step * m.exchange[i])
+            divisor = wp.max(real(1.0), step * m.exchange[i])
             rise = real(0.0)
             box = cells_around(m.cells, p[0], p[1], m.constants.radius)
             for r in range(box[0], box[1]):
@@ -116,7 +113,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects, threads: int) -> tup
                     square = dx * dx + dy * dy
                     if j != i and square < real(1.0):
                         weight = other[2] * slope(wp.sqrt(square)) / (height + m.flow[j][0])
-                        weight /= wp.max(most, step * m.exchange[j])
+                        weight /= wp.max(divisor, step * m.exchange[j])
                         rise += weight * (m.warmth[j] - own)
             rise *= step * factor
             now = m.particle[i]
@@ -137,14 +134,9 @@ def _kernels(real: Any, kernel_name: str, effects: Effects, threads: int) -> tup
 class Part(DevicePart):
     """The exchange of heat between columns at the end of a step."""
 
-    finishes_step = True
-
-    def __init__(
-        self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
-    ) -> None:
+    def prepare(self, scene: Scene) -> None:
         """Prepare for the scene's conductivity and the longest possible step."""
-        super().__init__(scene, accuracy, terrain, state)
-        lava = scene.lava
+        accuracy, state, lava = self.accuracy, self.state, scene.lava
         square = accuracy.radius**2
         diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
         self._kernels = partial(_kernels, state.real, accuracy.kernel, state.effects)

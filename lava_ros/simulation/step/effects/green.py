@@ -63,8 +63,8 @@ _MIN_PARTICLES_PER_PART = MIN_SUMS // 2
 def _sums_function(real: Any, lanes: int, parts: int) -> Any:
     """Return the device function of the K0-weighted sums of area and of volume times velocity.
 
-    The sums are those of ``sum_neighbors``. Distances are in the units of ``K0Within``, ``least``
-    is the minimum square of one, ``powers`` the values that K0 needs of k.
+    It is a ``sum_neighbors``. Distances are in the units of ``K0Within``, ``min_square`` is the
+    minimum square of one, ``powers`` the values that K0 needs of k.
     """
     vec3, vec4 = (wp.types.vector(n, real) for n in (3, 4))
     (load, _), load_number = access(real, 4), load1(real)
@@ -74,14 +74,14 @@ def _sums_function(real: Any, lanes: int, parts: int) -> Any:
     @wp.func
     def added(
         sums: vec3, j: int, source: wp.array(dtype=vec4), area: wp.array(dtype=real), p: vec4,
-        powers: k0_powers, least: real,
+        powers: k0_powers, min_square: real,
     ) -> vec3:
         other = load(source, j)
         size = load_number(area, j)
         dx = p[0] - other[0]
         dy = p[1] - other[1]
         square = dx * dx + dy * dy
-        weight = k0(powers, wp.max(square, least))
+        weight = k0(powers, wp.max(square, min_square))
         if square >= real(SQUARED_SUPPORT):
             weight = real(0.0)
         return sums + weight * vec3(size, other[2], other[3])
@@ -101,7 +101,7 @@ def _wide_sums_function() -> Any:
             const wide dx = p[0] - other_0;
             const wide dy = p[1] - other_1;
             const wide square = dx * dx + dy * dy;
-            const wide squares = square > least ? square : none + least;
+            const wide squares = square > min_square ? square : none + min_square;
             {WIDE_K0}
             const whole counts = is_in & (square < {SQUARED_SUPPORT!r}f);
             sum_0 += counts ? weights * size : none;
@@ -112,7 +112,7 @@ def _wide_sums_function() -> Any:
     def sums_around(
         part: int, values: wp.array(dtype=wp.vec4), area: wp.array(dtype=wp.float32),
         cells: cell_frame(wp.float32), box: wp.vec4i, p: wp.vec4, powers: k0_powers,
-        least: wp.float32,
+        min_square: wp.float32,
     ) -> wp.vec3: ...
 
     return sums_around
@@ -142,16 +142,16 @@ def _velocity_function(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
         powers = powers_of(k * support)
         # inside the particle's own disc K0 is constant
         unit = real(wp.static(math.sqrt(SQUARED_SUPPORT))) / support
-        least = wp.max(own * real(_NEAR) * unit * unit, real(MIN_SQUARED_DISTANCE))
+        min_square = wp.max(own * real(_NEAR) * unit * unit, real(MIN_SQUARED_DISTANCE))
         box = cells_around(m.cells, here[0], here[1], support)
-        sums = sums_around(lane, m.source, m.area, m.cells, box, p, powers, least)
+        sums = sums_around(lane, m.source, m.area, m.cells, box, p, powers, min_square)
         total = sum_up(sums[0])
         x = sum_up(sums[1])
         y = sum_up(sums[2])
         # k times the radius of the disc of area V / h
         ka = k * wp.sqrt(own / real(wp.pi))
         # replaces the weight that it had as its own neighbour
-        weight = real(2.0) / (ka * ka) * (real(1.0) - x_k1(ka)) - k0(powers, least)
+        weight = real(2.0) / (ka * ka) * (real(1.0) - x_k1(ka)) - k0(powers, min_square)
         weight = wp.max(weight, real(0.0))
         total += weight * own
         x += weight * p[2]
@@ -222,8 +222,6 @@ class Part(DevicePart):
 
     ``source`` and ``area`` must be filled; the kernel radius cuts the function off.
     """
-
-    moves_particles = True
 
     def compute_velocity(self, arguments: Any) -> None:
         """Replace the local velocity in ``flow`` by the Green's function's."""

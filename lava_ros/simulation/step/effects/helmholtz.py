@@ -27,7 +27,6 @@ import warp as wp
 
 from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.scene import Scene
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import (
     access,
     FEW_THREADS,
@@ -41,12 +40,7 @@ from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.cells import cell_functions, sum_neighbors
 from lava_ros.simulation.particles.kernels import smoothing_kernel, SmoothingKernel
 from lava_ros.simulation.particles.layout import arguments_type, cell_frame
-from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.particles.terrain import (
-    speed_limit_function,
-    StaggeredTerrain,
-    terrain_functions,
-)
+from lava_ros.simulation.particles.terrain import speed_limit_function, terrain_functions
 from lava_ros.simulation.step.effects import DevicePart
 
 #: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
@@ -68,7 +62,7 @@ LARGEST_EIGENVALUE = 2.0
 def _sums_function(real: Any, kernel: SmoothingKernel, lanes: int, parts: int) -> Any:
     """Return the device function of the neighbour sums of A_j h_ij F_ij and of its pull.
 
-    The sums are those of ``sum_neighbors``. F is without ``norm``, ``factor`` and l^4; the pull is
+    It is a ``sum_neighbors``. F is without ``norm``, ``factor`` and l^4; the pull is
     the sum weighted by u_j - u_i. The particle is its own neighbour.
     """
     vec2, vec3, vec4 = (wp.types.vector(n, real) for n in (2, 3, 4))
@@ -224,13 +218,11 @@ class Part(DevicePart):
     Up to ``MAX_SOLVED`` times the expected thickness they reduce the error by ``REDUCTION``.
     """
 
-    def __init__(
-        self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
-    ) -> None:
+    def prepare(self, scene: Scene) -> None:
         """Compute the weights of the sweeps for the expected thickness."""
-        super().__init__(scene, accuracy, terrain, state)
-        assert accuracy.thickness is not None
-        self._weights = _schedule(at.MAX_SOLVED * accuracy.thickness, accuracy.radius)
+        thickness, radius = self.accuracy.thickness, self.accuracy.radius
+        assert thickness is not None
+        self._weights = _schedule(at.MAX_SOLVED * thickness, radius)
 
     def compute_velocity(self, arguments: Any) -> None:
         """Replace the local velocity in ``flow`` by the solution, and raise ``rates`` to it."""

@@ -59,9 +59,6 @@ STRENGTH = 3.0
 #: Relative tolerance of the slope of the drag, and maximum number of iterations.
 _CHANGE, _ITERATIONS = 1e-6, 40
 
-#: The excess of a kernel's sum (``kernels.py``) is proportional to this power of V / (h l^2).
-_EXCESS_POWERS = {'wendland': 2.5, 'spiky': 1.5}
-
 
 @lru_cache
 def _column_function(real: Any, effects: Effects) -> Any:
@@ -136,8 +133,9 @@ def _drag_function(real: Any, effects: Effects) -> Any:
 def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
     vec2, vec3 = (wp.types.vector(n, real) for n in (2, 3))
     kernel = smoothing_kernel(kernel_name, real)
-    norm, derivative, excess = kernel.norm, kernel.slope, kernel.excess
-    power = _EXCESS_POWERS.get(kernel_name, 1.0)
+    norm, derivative, excess, power = (
+        kernel.norm, kernel.slope, kernel.excess, kernel.excess_power
+    )
     gradient_at, curvature_at, height_at, *_ = terrain_functions(real)
     _, _, cells_around, range_in = cell_functions(real)
     raised = raise_to(real)
@@ -246,14 +244,14 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
                 m.slope[i] = (new - free) / fall
                 # limited by the energy from weight and motion: speeds on the map do not account
                 # for the turn of lava that runs from level ground into a wall
-                way = step * new
+                displacement = step * new
                 surface = -m.kick[i] / (g * part_of_gravity(ground))
                 given = height_at(m.ground, p[0], p[1])
-                given -= height_at(m.ground, p[0] + way.x, p[1] + way.y)
-                given += wp.dot(ground - surface, way)
+                given -= height_at(m.ground, p[0] + displacement.x, p[1] + displacement.y)
+                given += wp.dot(ground - surface, displacement)
                 given += real(0.5) * (wp.dot(old, old) - wp.dot(new, new)) / g
                 given = wp.max(given, real(0.0))
-                work = -wp.dot(m.slope[i], way)
+                work = -wp.dot(m.slope[i], displacement)
                 if work > given:
                     m.slope[i] = m.slope[i] * (given / work)
 

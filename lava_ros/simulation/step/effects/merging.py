@@ -20,14 +20,11 @@ from typing import Any
 import warp as wp
 
 from lava_ros.scene import Scene
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import access, quick_kernel
 from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.layout import arguments_type, Form
-from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.particles.terrain import StaggeredTerrain
 from lava_ros.simulation.step.effects import DevicePart
 
 #: Displacement of the fastest particle between two passes, over the largest in one step.
@@ -235,16 +232,10 @@ def _split_kernel(form: Form, is_ordered: bool, threads: int) -> Any:
 class Part(DevicePart):
     """The pass that merges and splits particles."""
 
-    finishes_step = True
-
-    def __init__(
-        self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
-    ) -> None:
-        """Store the intended spacing and volume of particles."""
-        super().__init__(scene, accuracy, terrain, state)
-        assert accuracy.spacing is not None
-        self._area = accuracy.spacing**2
-        self._min_volume = accuracy.particle_volume
+    def prepare(self, scene: Scene) -> None:
+        """Store the intended area and volume of particles."""
+        assert self.accuracy.spacing is not None
+        self._area, self._min_volume = self.accuracy.spacing**2, self.accuracy.particle_volume
         self._scan: Scan | None = None
 
     def finish_step(self, arguments: Any) -> None:

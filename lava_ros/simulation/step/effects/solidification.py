@@ -34,7 +34,6 @@ from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.particles.cells import border_functions
 from lava_ros.simulation.particles.layout import arguments_type, ground_type, PARTICLES, TIME
 from lava_ros.simulation.particles.solidified import RaisedTerrain, THICKNESS_UNIT
-from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.step.effects import DevicePart
 
 #: Minimum width over the maximum: wider ones smooth the deposit by more than the bounds of its
@@ -58,8 +57,8 @@ def _patch_functions(real: Any) -> tuple[Any, Any, Any]:
         volume: real, thickness: real, exact: ground_type(wp.float64), widest: wp.float64
     ):
         side = wp.sqrt(wp.float64(volume) / wp.float64(thickness))
-        least = wp.max(wp.float64(_MIN_WIDTH_RATIO) * widest, exact.resolution)
-        return wp.max(wp.min(side, widest), least)
+        min_width = wp.max(wp.float64(_MIN_WIDTH_RATIO) * widest, exact.resolution)
+        return wp.max(wp.min(side, widest), min_width)
 
     @wp.func
     def spline(t: wp.float64) -> wp.float64:
@@ -215,16 +214,11 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
 class Part(DevicePart):
     """The pass that lets lava solidify."""
 
-    finishes_step = True
+    terrain: RaisedTerrain
 
-    def __init__(
-        self, scene: Scene, accuracy: Accuracy, terrain: RaisedTerrain, state: State
-    ) -> None:
+    def prepare(self, scene: Scene) -> None:
         """Prepare for the solidus of the scene's lava."""
-        super().__init__(scene, accuracy, terrain, state)
-        self._solidus = scene.lava.solidus
-        self._widest = accuracy.radius / 1.5
-        self._terrain = terrain
+        self._solidus, self._widest = scene.lava.solidus, self.accuracy.radius / 1.5
 
     @staticmethod
     def step_limit(scene: Scene, accuracy: Accuracy, reach: float) -> float:
@@ -242,7 +236,7 @@ class Part(DevicePart):
 
     def finish_step(self, arguments: Any) -> None:
         """Turn columns that are colder than the solidus into ground."""
-        state, terrain = self.state, self._terrain
+        state, terrain = self.state, self.terrain
         threads = state.rare_threads
         freeze, raise_ground = _kernels(state.real, threads)
         laid = [self._widest, terrain.exact_ground, terrain.deposit]
