@@ -22,7 +22,7 @@ from lava_ros.errors import LavaError
 #: Part of Warp's message if a device has no memory left.
 NO_MEMORY = 'Failed to allocate'
 
-#: Type of the pieces of a block, as a Warp array has at most 2^31 items of any type, and their size
+#: Type of the pieces of a block, as a Warp array has at most 2^31 items of any type, and its size
 #: [bytes], the alignment of arrays.
 _PIECE, _BYTES = wp.mat44d, type_size_in_bytes(wp.mat44d)
 
@@ -119,6 +119,15 @@ class ArrayBlock:
         """Write the C struct of an array to the attribute of its name of a C struct of kernels."""
         setattr(target, name, _described(*self._items[name]))
         getattr(target, name).data = self._pointers[name]
+
+
+def fill_struct(struct: Any, values: Mapping[str, Any]) -> None:
+    """Set attributes of a Warp struct, without the checks that take most of the time."""
+    target = struct.__ctype__()
+    for name, value in values.items():
+        setattr(target, name, value.__ctype__() if hasattr(value, '__ctype__') else value)
+    # launches need the arrays
+    vars(struct).update(values)
 
 
 @lru_cache(maxsize=64)
