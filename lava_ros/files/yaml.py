@@ -11,9 +11,8 @@ from typing import Any, ClassVar
 
 import yaml
 
-from lava_ros.errors import LavaError, MAX_VALUE_LENGTH, one_line, refusing
+from lava_ros.errors import LavaError, MAX_VALUE_LENGTH, one_line, refusing, Typed
 from lava_ros.files import open_input
-from lava_ros.validation import Typed
 
 #: Maximum size of a text [bytes].
 MAX_BYTES = 16 * 2**20

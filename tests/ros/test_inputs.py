@@ -232,7 +232,7 @@ def test_points_with_times_are_one_vent_with_a_series():
         (_vents(*points), 'missing: id'),
         (
             _vents(points[0], {**points[1], 'radius': 9.0}, id=7.0),
-            "'vent 7'.radius is 9, expected 8 as at its first time",
+            "'vent 7'.radius is 9.0, expected 8 as at its first time",
         ),
         (_vents(points[1], points[0], id=7.0), "'vent 7'.discharge"),
     ):
