@@ -3,7 +3,7 @@
 
 """Vents from vector files and from tables such as those of DOWNFLOWGO and Lava2d."""
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
@@ -135,10 +135,6 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
         replace(vent, discharge=instants_to_series(str(path), series))
         for vent, series in instants.items()
     ]
-    for vent, count in Counter(replace(vent, name='') for vent in rows).items():
-        if count > 1:
-            place = ' to '.join('{:.10g}, {:.10g}'.format(*one) for one in vent.places)
-            _LOG.warning(f'{path}: {count} vents at {place} are alike, and each emits lava')
     return tuple(rows)
 
 

@@ -19,7 +19,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import vectors
 from lava_ros.files.columns import angle, COLUMNS, understood
 from lava_ros.forecast.observations import observed_in_file
-from lava_ros.scene import Terrain
+from lava_ros.scene import SceneSource, Terrain
 from lava_ros.scene.features import read_features
 from lava_ros.scene.given_vents import GivenVents
 from lava_ros.scene.reshaping import read_barriers
@@ -300,7 +300,7 @@ def test_warns_of_duplicate_vents(tmp_path, caplog):
         rows = row.format(0, 60) + (row.format(*times) if is_warned or times != (0, 60) else '')
         (tmp_path / 'a.csv').write_text('x,y,q,start,end\n' + rows)
         caplog.clear()
-        read_vents('--vents', tmp_path / 'a.csv', TERRAIN)
+        SceneSource(terrain=TERRAIN, vents=tmp_path / 'a.csv').load()
         assert ('2 vents at' in caplog.text) == is_warned
 
 
@@ -346,9 +346,3 @@ def test_error_shows_a_place_as_in_the_file_and_its_slip(content, shown, words, 
     with pytest.raises(LavaError) as caught:
         check_places(read_vents('--vents', path, TERRAIN), TERRAIN, path.name)
     assert shown in str(caught.value) and words in str(caught.value)
-
-
-def test_warning_about_like_vents_names_their_place(tmp_path, caplog):
-    (tmp_path / 'a.csv').write_text(f'x,y\n{EAST},{NORTH}\n{EAST},{NORTH}\n')
-    read_vents('--vents', tmp_path / 'a.csv', TERRAIN)
-    assert '2 vents at 500100, 4180100 are alike' in caplog.text
