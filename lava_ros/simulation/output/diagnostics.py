@@ -149,6 +149,9 @@ def snapshot_of(
     """
     inundated, half_inundated, arrived = maps[-len(SHOWN) :]
     grids = maps[: -len(SHOWN)]
+    if (missing := ~terrain.has_data).any():
+        # ground may lose its data during a run
+        inundated = np.where(missing, np.float32(np.nan), inundated)
     # not nansum, which copies the grid
     thin = np.sum(grids[0], where=np.isnan(arrived) & (grids[0] > 0.0), dtype=np.float64)
     budget = replace(moment.budget, thin=float(thin) * terrain.resolution**2)
