@@ -70,6 +70,22 @@ def test_inundated_fraction_is_unknown_where_the_ground_has_no_data(method, lost
     assert snapshot.area(snapshot.inundated) == before.area(kept) > 0.0
 
 
+@pytest.mark.parametrize('method', METHODS)
+@pytest.mark.parametrize('spacing', [5.0, 10.0, 20.0])
+@pytest.mark.parametrize('time', [0.0, 200.0])
+def test_temperature_is_known_exactly_where_there_is_lava(method, spacing, time):
+    simulation = Simulation(
+        Scene(Terrain(valley(), 10.0), VENTS[:1], Lava(viscosity=1e3)),
+        accuracy=Accuracy(method=method, spacing=spacing), device='cpu',
+    )
+    simulation.advance(time)
+    snapshot = simulation.snapshot()
+    wet = snapshot.thickness > 0.0
+    assert wet.any() is np.bool_(time > 0.0)
+    np.testing.assert_array_equal(np.isfinite(snapshot.temperature), wet)
+    assert (snapshot.temperature[wet] > 1000.0).all()
+
+
 def valley():
     y, x = np.mgrid[0:30, 0:40]
     return 500.0 - x + 0.05 * (y - 15.0) ** 2
