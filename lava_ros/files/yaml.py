@@ -231,5 +231,6 @@ class _QuickDumper(getattr(yaml, 'CSafeDumper', yaml.SafeDumper)):  # type: igno
 for _kind in (_Loader, _Dumper, _QuickDumper):
     _kind.add_implicit_resolver('tag:yaml.org,2002:float', _FLOAT, list('-+.0123456789'))
 _Loader.add_constructor('tag:yaml.org,2002:float', _float_as_typed)
-for _kind in (_Dumper, _QuickDumper):
+# programs that dump the plain data of a scene use the dumper of PyYAML
+for _kind in (yaml.SafeDumper, _Dumper, _QuickDumper):
     _kind.add_representer(Typed, _plain_float)

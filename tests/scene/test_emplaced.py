@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from geodata import feature, write_features, write_raster, write_scene
 from lava_ros.errors import LavaError
-from lava_ros.files.yaml import dump_yaml
 from lava_ros.products.gis import Provenance, write_grid
 from lava_ros.scene import Lava, Scene, scene_from_yaml, scene_to_dict, Terrain
 from lava_ros.scene.emplaced import EmplacedFlow, read_flows
@@ -198,7 +198,7 @@ def test_scene_file_has_flows_and_events(tmp_path):
     stored = scene_to_dict(scene)
     assert [item['time'] for item in stored['events']] == [60.0, 120.0, 180.0]
     assert stored['emplaced_flows'][0]['volume'] == scene.emplaced_flows[0].volume
-    dump_yaml(stored)
+    yaml.safe_dump(stored)
 
 
 def test_new_ground_without_a_system_is_in_that_of_the_scene(tmp_path):
