@@ -59,7 +59,7 @@ def row(spec: parameters.ParameterSpec) -> str:
     unit = re.search(r'\[([^\]]+)\]', spec.description)
     cells = (
         f'`{spec.name}`',
-        parameters.TYPES[type(spec.default)],
+        spec.type_name,
         f'`{default(spec)}`',
         spec.range_text,
         unit.group(1) if unit else '',

@@ -28,6 +28,20 @@ MAX_EXPECTED_LENGTH = 1000
 MAX_INTEGER_BITS = 1024
 
 
+class Typed(float):
+    """A number with the text that a user typed, which errors show."""
+
+    __slots__ = ('text',)
+
+    text: str
+
+    def __new__(cls, value: float, text: str = '') -> 'Typed':
+        """Give a number its text."""
+        self = super().__new__(cls, value)
+        self.text = text.strip()
+        return self
+
+
 class LavaError(ValueError):
     """Input that cannot be used.
 
@@ -146,16 +160,14 @@ class _Shown(reprlib.Repr):
     def repr1(self, x: Any, level: int) -> str:
         # the repr of a scalar of numpy names its type
         is_scalar = type(x).__module__ == 'numpy' and getattr(x, 'ndim', None) == 0
+        if isinstance(x, Typed):
+            return x.text
         return super().repr1(x.item() if is_scalar else x, level)
 
     def repr_int(self, x: int, level: int) -> str:
         if x.bit_length() > MAX_INTEGER_BITS:
             return f'<integer of {x.bit_length()} bits>'
         return super().repr_int(x, level)
-
-    def repr_float(self, x: float, level: int) -> str:
-        # a number of an input becomes a float: -5 and not -5.0
-        return repr(x).removesuffix('.0')
 
     def repr_bytes(self, x: Any, level: int) -> str:
         return self.repr_str(x, level)

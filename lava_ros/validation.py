@@ -11,7 +11,7 @@ import math
 import re
 from typing import Any, TypeVar
 
-from lava_ros.errors import LavaError, RefusalError, UnknownKeyError
+from lava_ros.errors import LavaError, RefusalError, Typed, UnknownKeyError
 
 Built = TypeVar('Built')
 
@@ -25,22 +25,6 @@ _WITH_UNIT = re.compile(r'\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*[A-Za-z%°]
 
 #: Minimum similarity of a word and the one that was meant, from 0 to 1.
 _SIMILARITY = 0.68
-
-
-class Typed(float):
-    """A number with the text that a user typed, which errors show."""
-
-    text = ''
-
-    def __new__(cls, value: float, text: str = '') -> 'Typed':
-        """Give a number its text."""
-        self = super().__new__(cls, value)
-        self.text = text.strip()
-        return self
-
-    def __repr__(self) -> str:
-        """Show the number as it was typed."""
-        return self.text
 
 
 def as_typed(value: object) -> object:
@@ -100,8 +84,9 @@ def number(
 ) -> float:
     """Return ``value`` as a finite float inside the given limits.
 
-    Text that represents a number is valid: the cells of tables are text. The result is a plain
-    float, without the text of a ``Typed``. A positive number below ``TINY`` is read as 0.
+    Text that represents a number is valid: the cells of tables are text. The result of text or of
+    an integer has that text, which the errors of later checks show. A positive number below
+    ``TINY`` is read as 0.
 
     Raises:
         LavaError: If the value is not a finite number or is outside the limits.
@@ -118,7 +103,9 @@ def number(
         and (at_least is None or result >= at_least)
         and (at_most is None or result <= at_most)
     ):
-        return result
+        # an error of a later check shows 5 as 5, and 1e3 as 1e3
+        text = value.text if isinstance(value, Typed) else str(value)
+        return result if type(value) is float else Typed(result, text)
     suffix = f' {unit}' if unit else ''
     alone = f' in {unit}' if unit else ''
     limits = {'above': above, 'at least': at_least, 'at most': at_most}

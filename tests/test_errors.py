@@ -22,14 +22,14 @@ from lava_ros.scene.distributions import Displacement, Roughness
 
 def test_error_names_field_value_and_expectation():
     error = LavaError('vents[0].discharge', -1.0, 'at least 0 m3/s')
-    assert str(error) == 'vents[0].discharge is -1, expected at least 0 m3/s'
+    assert str(error) == 'vents[0].discharge is -1.0, expected at least 0 m3/s'
 
 
 @pytest.mark.parametrize(('value', 'shown'), [
     (np.float64(-1.5), '-1.5'), (np.float32(0.5), '0.5'), (np.int64(7), '7'), (np.uint8(7), '7'),
-    (np.bool_(True), 'True'), (np.str_('a'), "'a'"), (np.array(2.0), '2'),
-    ((np.float64(1.0), np.float64(2.0)), '(1, 2)'), ([np.int32(3)], '[3]'),
-    (-5.0, '-5'), (1e-5, '1e-05'), (math.inf, 'inf'), ('-5.0', "'-5.0'"),
+    (np.bool_(True), 'True'), (np.str_('a'), "'a'"), (np.array(2.0), '2.0'),
+    ((np.float64(1.0), np.float64(2.0)), '(1.0, 2.0)'), ([np.int32(3)], '[3]'),
+    (-5.0, '-5.0'), (1e-5, '1e-05'), (math.inf, 'inf'), ('-5.0', "'-5.0'"),
 ])
 def test_error_shows_numbers_of_numpy_as_a_user_types_them(value, shown):
     assert str(LavaError('x', value, 'less')) == f'x is {shown}, expected less'
@@ -130,5 +130,5 @@ def test_build_names_the_key_of_a_bad_field():
     with pytest.raises(LavaError, match='^ground.height: unknown key'):
         validation.build(Roughness, 'ground', {**data, 'height': 5})
     # an error about all fields together
-    with pytest.raises(LavaError, match='^place is .0, 0., expected either deviation'):
+    with pytest.raises(LavaError, match='^place is .0.0, 0.0., expected either deviation'):
         validation.build(Displacement, 'place', {})

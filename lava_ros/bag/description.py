@@ -8,9 +8,10 @@ from dataclasses import asdict
 import math
 from typing import Any
 
-from lava_ros.effects import Effects
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import parse_json, parse_yaml
+from lava_ros.scene import Vent
 from lava_ros.simulation.selection import Decision
 
 
@@ -58,6 +59,16 @@ def effect_table(effects: Effects, decisions: Iterable[Decision]) -> dict[str, s
 def is_on(text: str) -> bool:
     """Return True if a text of the table describes an active effect."""
     return text.startswith('on:')
+
+
+def unused_velocities(vents: Iterable[Vent], table: Mapping[str, str]) -> list[str]:
+    """Return a warning if vents have a velocity, and no effect of the table that is on uses it."""
+    moving = [vent.name or 'a vent' for vent in vents if any(vent.velocity)]
+    users = [name for name, effect in EFFECTS.items() if effect.needs_velocity and name in table]
+    if not moving or any(is_on(table[name]) for name in users):
+        return []
+    reasons = ''.join(f': {name} is {table[name]}' for name in users)
+    return [f'the velocity of {", ".join(moving)} has no effect{reasons}']
 
 
 def _reason(name: str, effects: Effects, decision: Decision | None) -> str:

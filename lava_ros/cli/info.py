@@ -228,8 +228,9 @@ def _inline(value: object) -> str:
         return ', '.join(f'{key} {_inline(item)}' for key, item in value.items())
     if isinstance(value, list):
         return f'[{", ".join(_inline(item) for item in value)}]'
-    # to 0.1 mm in coordinates of 100 km
-    return f'{value:.10g}' if isinstance(value, float) and abs(value) < 1e6 else str(value)
+    # to 0.1 mm in coordinates of 100 km, and of 10,000 km
+    digits = 10 if isinstance(value, float) and abs(value) < 1e6 else 12
+    return f'{value:.{digits}g}' if isinstance(value, float) else str(value)
 
 
 def _short(text: str) -> str:

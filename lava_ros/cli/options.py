@@ -92,7 +92,7 @@ def _checked(check: Callable[[str], Any]) -> Callable[[str], Any]:
 
 def _number(name: str, kind: type, text: str) -> float:
     if kind is float:
-        return validation.Typed(validation.number(name, text), text)
+        return validation.number(name, text)
     try:
         return int(text)
     except ValueError:

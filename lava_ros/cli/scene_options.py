@@ -4,7 +4,7 @@
 """Arguments that describe a scene; ``scenes.py`` makes the scene."""
 
 from lava_ros.cli.options import Argument, argument, shared
-from lava_ros.validation import Typed
+from lava_ros.errors import Typed
 
 #: Default lava, as in ``lava_ros.scene.materials``, which is slow to import.
 DEFAULT_MATERIAL = 'etna_basalt'

@@ -15,6 +15,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.cli.options import seconds_of
+from lava_ros.errors import Typed
 from lava_ros.scene import KELVIN, Scene
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.source import SceneSource, SourcedScene
@@ -54,7 +55,7 @@ def source_of(args: argparse.Namespace) -> SceneSource:
         # a time in s, or a date
         with suppress(ValueError):
             text = given['from_outline']
-            given['from_outline'] = validation.Typed(float(text), text)
+            given['from_outline'] = Typed(float(text), text)
     shared = {
         'thickness': args.emplaced_thickness, 'volume': args.emplaced_volume,
         'solidified': args.emplaced_solidified, 'as': args.emplaced_as,

@@ -15,7 +15,7 @@ from typing import NoReturn
 import unicodedata
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, Typed
 
 _NONE: Mapping[str, float] = {}
 
@@ -147,7 +147,7 @@ class Column:
         is_converted = (self.factor, self.offset) != (1.0, 0.0)
         limits = {name: (one - self.offset) / self.factor for name, one in limits.items()}
         found = validation.number(label, value, **limits, unit='' if is_converted else unit)
-        return found * self.factor + self.offset
+        return found * self.factor + self.offset if is_converted else found
 
     def refuse(self, where: str, value: object, expected: str) -> NoReturn:
         """Raise LavaError for a value, with ``where`` and the header."""
@@ -279,5 +279,6 @@ def angle(field: str, value: object, axis: str) -> float:
             and all(float(text) < 60.0 for text in given[1:])
             and not any('.' in text for text in given[:-1])
         ):
-            return -size if marks and marks in f'-{letters[0]}' else size
+            is_negative = bool(marks) and marks in f'-{letters[0]}'
+            return Typed(-size if is_negative else size, str(value))
     raise LavaError(field, value, expected)

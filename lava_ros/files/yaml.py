@@ -11,9 +11,8 @@ from typing import Any, ClassVar
 
 import yaml
 
-from lava_ros.errors import LavaError, MAX_VALUE_LENGTH, one_line, refusing
+from lava_ros.errors import LavaError, MAX_VALUE_LENGTH, one_line, refusing, Typed
 from lava_ros.files import open_input
-from lava_ros.validation import Typed
 
 #: Maximum size of a text [bytes].
 MAX_BYTES = 16 * 2**20
@@ -232,5 +231,6 @@ class _QuickDumper(getattr(yaml, 'CSafeDumper', yaml.SafeDumper)):  # type: igno
 for _kind in (_Loader, _Dumper, _QuickDumper):
     _kind.add_implicit_resolver('tag:yaml.org,2002:float', _FLOAT, list('-+.0123456789'))
 _Loader.add_constructor('tag:yaml.org,2002:float', _float_as_typed)
-for _kind in (_Dumper, _QuickDumper):
+# programs that dump the plain data of a scene use the dumper of PyYAML
+for _kind in (yaml.SafeDumper, _Dumper, _QuickDumper):
     _kind.add_representer(Typed, _plain_float)

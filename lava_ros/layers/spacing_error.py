@@ -186,8 +186,13 @@ class SpacingError:
 
     @property
     def usable_spacing(self) -> float:
-        """Spacing at which the error can be corrected [m], rounded down to two digits."""
+        """Spacing at which the error can be corrected [m], rounded down to two digits.
+
+        Cells can only be halved: it is then their size.
+        """
         spacing = self.spacing * min(self.excess ** (-1.0 / ORDERS[self.method]), 1.0)
+        if self.method == 'cells':
+            return self.spacing * 0.5 ** math.ceil(math.log2(self.spacing / spacing) - 1e-9)
         unit = 10.0 ** (math.floor(math.log10(spacing)) - 1)
         return float(f'{math.floor(spacing / unit * (1.0 + 1e-9)) * unit:.2g}')
 

@@ -212,14 +212,14 @@ def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:
         LavaError: If the extent contains no terrain of a run.
     """
     west, south, east, north = (float(value) for value in extent)
-    shown = ' '.join(f'{value:g}' for value in extent)
     terrain = runs[0].terrain
     is_geographic = in_degrees(terrain, (west, south), (east, north))
     if is_geographic and east < 0.0 < west:
         # across the antimeridian
         east += 360.0
     if not (west < east and south < north):
-        raise LavaError('--extent', shown, 'WEST SOUTH EAST NORTH, west < east and south < north')
+        expected = 'WEST SOUTH EAST NORTH, west < east and south < north'
+        raise LavaError('--extent', [*extent], expected)
     if is_geographic:
         corners = [projected(terrain, x, y) for x in (west, east) for y in (south, north)]
         (west, south), (east, north) = np.min(corners, axis=0), np.max(corners, axis=0)
@@ -229,7 +229,7 @@ def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:
         x, y = run.terrain.offset
         if west >= x1 + x or east <= x0 + x or south >= y1 + y or north <= y0 + y:
             expected = f'an extent that overlaps {run.name} {run.terrain.bounds(projected=True)}'
-            raise LavaError('--extent', shown, expected)
+            raise LavaError('--extent', [*extent], expected)
     return window
 
 

@@ -9,6 +9,7 @@ import math
 from typing import Any
 
 from lava_ros.bag.decoding import Moment
+from lava_ros.bag.description import unused_velocities
 from lava_ros.forecast.members import Plan
 from lava_ros.layers.numbers import percent
 from lava_ros.simulation.carriers import across_key, METHODS
@@ -55,7 +56,9 @@ def warnings_of_plan(plan: Plan) -> list[str]:
     expected = resolution_of(plan.scene, accuracy, plan.forced, horizon=plan.horizon)
     kind = [] if expected.kind is None else expected.kind.warnings()
     decisions = decide(plan.scene, plan.forced, accuracy=accuracy, horizon=plan.horizon)
-    return [*_under_resolved(expected), *_sentences(*kind, *warnings_of(decisions))]
+    table = {item.name: f'{"on" if item.is_on else "off"}: {item.reason}' for item in decisions}
+    unused = unused_velocities(plan.scene.vents, table)
+    return [*_under_resolved(expected), *_sentences(*kind, *warnings_of(decisions), *unused)]
 
 
 def _sentences(*phrases: str) -> list[str]:

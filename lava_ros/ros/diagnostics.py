@@ -13,7 +13,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
-from lava_ros.bag.description import is_on
+from lava_ros.bag.description import is_on, unused_velocities
 from lava_ros.bag.status_values import numerical_error_values, resolution_values, snapshot_values
 from lava_ros.layers.forecast import EnsembleForecast, Forecast
 from lava_ros.live.ensemble_forecasts import ForecastStatus
@@ -264,7 +264,8 @@ class NodeLog:
         self._log_change('vents', places, f'vents: {len(vents)}, {discharge:g} m3/s')
         # the topics use Celsius
         doubts = suspicious_temperatures(scene, is_celsius=True)
-        doubts = [*doubts, *(doubt.text for doubt in doubts_of_scene(scene))][:3]
+        doubts += [doubt.text for doubt in doubts_of_scene(scene)]
+        doubts = [*doubts, *unused_velocities(vents, effects)][:3]
         self._log_change('doubts', [*map(_wording, doubts)], '; '.join(doubts), 'warning')
         names = [name for name, text in effects.items() if is_on(text)]
         self._log_change('effects', names, f'effects: {", ".join(names) or "none"}')

@@ -183,6 +183,16 @@ def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]
     return tuple(_vent_of_points(item, is_timed=is_timed) for item in points.values())
 
 
+def ignored_fields(cloud: PointCloud2) -> str:
+    """Return a warning about fields of a point cloud of vents that have no meaning, or nothing."""
+    names = [item.name for item in cloud.fields]
+    others = [name for name in names if name not in (*VENT_FIELDS, *OPTIONAL_FIELDS, 'time')]
+    if not others:
+        return ''
+    known = ', '.join((*VENT_FIELDS, *OPTIONAL_FIELDS, 'time'))
+    return f'unknown fields are ignored: {", ".join(others)} (of a vent: {known})'
+
+
 def _end_of(point: dict[str, float]) -> tuple[float, float] | None:
     end = point.get('x_end', math.nan), point.get('y_end', math.nan)
     return None if all(map(math.isnan, end)) else end

@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 
 from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files.yaml import read_yaml
-from lava_ros.ros.parameters import ParameterSpec, TYPES
+from lava_ros.ros.parameters import ParameterSpec
 from lava_ros.ros.rclpy_internals import parameter_overrides, set_read_only
 from lava_ros.scene import Vent
 
@@ -47,7 +47,7 @@ def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
                     ignore_override=spec.is_list and _is_empty(value),
                 )
             except InvalidParameterTypeException:
-                expected = f'a {TYPES[type(spec.default)]}'
+                expected = f'a {spec.type_name}'
                 if isinstance(spec.default, float):
                     expected += '; write a whole number as 5.0'
                 raise LavaError(spec.name, value, expected) from None

@@ -49,6 +49,9 @@ _EXAMPLES = {
     'quantities': 'viscosity',
 }
 
+#: Names of the types of parameters in ROS. A bool is also an int.
+_TYPES = {bool: 'bool', int: 'integer', float: 'double', str: 'string', list: 'string_array'}
+
 
 @dataclass(frozen=True)
 class ParameterSpec:
@@ -74,6 +77,11 @@ class ParameterSpec:
     def is_list(self) -> bool:
         """True if the parameter is a list of strings."""
         return isinstance(self.default, list)
+
+    @property
+    def type_name(self) -> str:
+        """Name of its type in ROS."""
+        return next(name for kind, name in _TYPES.items() if isinstance(self.default, kind))
 
     @property
     def range_text(self) -> str:
@@ -403,10 +411,6 @@ def start_values(settings: Settings) -> dict[str, Any]:
     names = ('method', 'preset', 'spacing')
     given = {name: getattr(settings, name) for name in names}
     return given | constant_values(settings.constants)
-
-
-#: Names of the types of parameters in ROS.
-TYPES = {bool: 'bool', int: 'integer', float: 'double', str: 'string', list: 'string_array'}
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:

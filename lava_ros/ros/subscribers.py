@@ -139,6 +139,7 @@ class InputSubscribers:
         self.wanted = f'waiting for terrain on {", ".join(terrains)}'
         self._replaced = list(terrains), [TOPIC], ['vents']
         self._rivals, self._rivals_time = '', -math.inf
+        self._ignored = ''
         self._subscribe(TOPIC, TransformStamped, self._on_georeference, qos.state_inputs(1))
         for topic, (kind, callback) in terrains.items():
             self._subscribe(topic, kind, callback, qos.state_inputs(1))
@@ -352,6 +353,9 @@ class InputSubscribers:
 
     def _on_vents(self, cloud: PointCloud2) -> None:
         vents = inputs.vents_from_cloud(cloud, self.settings())
+        if (ignored := inputs.ignored_fields(cloud)) not in ('', self._ignored):
+            self._ignored = ignored
+            self._logger.warning(f'vents: {ignored}')
         self.command('vents', self.worker.set_vents(vents))
 
     def _on_clicked_point(self, point: PointStamped) -> None:

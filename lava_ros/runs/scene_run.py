@@ -10,7 +10,7 @@ from pathlib import Path
 import time as wall_clock
 from typing import Any
 
-from lava_ros.bag.description import effect_table, is_on
+from lava_ros.bag.description import effect_table, is_on, unused_velocities
 from lava_ros.bag.status_values import numerical_error_values, resolution_values
 from lava_ros.runs.drive import drive, Sink
 from lava_ros.runs.map_bag import stamp_at
@@ -237,8 +237,15 @@ class SceneRun:
         assert self.snapshot is not None
         return [
             *self.request.remarks, *self.snapshot.budget.warnings_at_end(),
-            *self.resolution.warnings(),
+            *self.resolution.warnings(), *self.missed,
+        ]
+
+    @property
+    def missed(self) -> list[str]:
+        """Warnings about effects that the flow or its vents need, and the run does not have."""
+        return [
             *warnings_of(self.simulation.decisions()),
+            *unused_velocities(self.simulation.scene.vents, self.effects),
         ]
 
     @property
@@ -255,7 +262,10 @@ class SceneRun:
         self._note_effects(simulation, snapshot.time)
         is_refined = self.request.simulated is not None
         scene = self.request.scene.at(snapshot.time) if is_refined else simulation.scene
-        self.folder.bag.put_snapshot(scene, snapshot, resolution_values(self.resolution))
+        missed = {'missed_effects': '; '.join(self.missed)} if self.missed else {}
+        self.folder.bag.put_snapshot(
+            scene, snapshot, {**resolution_values(self.resolution), **missed}
+        )
 
     def _note_effects(self, simulation: Simulation, time: float) -> None:
         """Add the effects that have been switched to ``run.json`` and to the bag."""

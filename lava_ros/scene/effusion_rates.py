@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lava_ros import validation
-from lava_ros.errors import LavaError, RefusalError
+from lava_ros.errors import LavaError, RefusalError, Typed
 from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import Column, understood
 from lava_ros.files.csv import read_table
@@ -279,12 +279,8 @@ class _Row(NamedTuple):
     def time(self, number: int) -> str | float:
         """Return its first (0) or last (-1) time as in the table, or in seconds if that is it."""
         seconds = self.start if number == 0 else self.end
-        if not self.typed:
-            return seconds
-        try:
-            return seconds if float(self.typed[number]) == seconds else self.typed[number]
-        except ValueError:
-            return self.typed[number]
+        is_as_typed = isinstance(seconds, Typed) or not self.typed
+        return seconds if is_as_typed else self.typed[number]
 
     def words(self, number: int) -> str:
         """Return a time as ``time``, with its unit if it is in seconds."""

@@ -3,7 +3,7 @@
 
 """Points, lines and polygons from files, in the coordinates of a terrain."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import logging
 from pathlib import Path
@@ -36,7 +36,8 @@ class Feature:
     ``rings`` are coordinates in ``system``, shape [places, 2]: one array, or the outer ring and
     the holes of a polygon. If ``system`` is None, they are eastings and northings [m] of the
     terrain, or degrees if ``in_degrees`` is True and the feature is then on the terrain. ``where``
-    is the name in errors; the parts of one feature have the same.
+    is the name in errors; the parts of one feature have the same. ``given`` are the coordinates of
+    the first ring as in the file, for errors.
     """
 
     where: str
@@ -44,6 +45,7 @@ class Feature:
     rings: tuple[np.ndarray, ...]
     properties: Mapping[str, Any]
     system: str | None = None
+    given: Sequence[Sequence[float]] = ()
 
     @property
     def name(self) -> str:
@@ -55,11 +57,11 @@ class Feature:
         places = np.concatenate(self.rings)
         if self.system is None and not in_degrees(terrain, *places):
             return self
-        system, given = self.system or DEGREES, places
+        system = self.system or DEGREES
         try:
-            places = on_terrain(terrain, given, system, self.where, f'places of {system}')
+            places = on_terrain(terrain, places, system, self.where, f'places of {system}')
         except LavaError as error:
-            x, y = given[0].tolist()
+            x, y = self.given[0][:2]
             expected = f'{error.expected}{likely_place(terrain, x, y, self.system)}'
             raise LavaError(self.where, error.value, expected) from None
         if self.system is None and not terrain.covered(places - terrain.offset).any():
@@ -120,7 +122,7 @@ def load_features(field: str, path: str | Path) -> list[Feature]:
             # NaN compares as False
             if not (np.abs(np.concatenate(rings)) <= MAX_COORDINATE).all():
                 raise LavaError(where, part, f'coordinates of at most {MAX_COORDINATE:g}')
-            features.append(Feature(where, kind, rings, properties, system))
+            features.append(Feature(where, kind, rings, properties, system, given[0]))
     if not features:
         raise LavaError(field, str(path), 'a file with at least one point, line or area')
     return features

@@ -7,7 +7,9 @@
 ``possible`` an error unless the user insists. Both name the units in which the value is credible.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 import logging
 import math
@@ -219,6 +221,14 @@ def doubts_of_scene(scene: Any) -> Iterator[Doubt]:
         if index == 0:
             name = 'viscosity at the vent'
             yield from doubt_about(f'lava, {name}', viscosity, name)
+    for vent, count in Counter(replace(vent, name='') for vent in scene.vents).items():
+        if count > 1 and vent.peak > 0.0:
+            ends = [vent.position] if vent.end is None else [vent.position, vent.end]
+            east_north = np.add(ends, scene.terrain.offset).tolist()
+            place = ' to '.join(f'{x:.10g}, {y:.10g}' for x, y in east_north)
+            yield Doubt(
+                f'{count} vents at {place} are alike, and each emits {vent.peak:g} m3/s at most'
+            )
     # 0 switches a constant off; those of an effect that was deleted are missing
     for name in _CONSTANTS:
         if value := getattr(lava, name, 0.0):

@@ -53,6 +53,9 @@ BARRIER_KEYS = Keys({
 #: Minimum distance between two successive places of a line [m].
 APART = 1e-3
 
+#: Maximum number of places of a crest that are compared with the terrain.
+MAX_SAMPLES = 100_000
+
 
 @dataclass(frozen=True)
 class Barrier:
@@ -200,12 +203,31 @@ def _added(terrain: Terrain, barrier: Barrier, is_told: bool) -> np.ndarray:
     if not (np.isfinite(terrain.elevation) & (added > 0.0)).any():
         expected = f'a line {terrain.bounds(projected=True)}'
         raise LavaError('barrier.line', barrier.line, expected)
+    if is_told:
+        _warn_of_part_off(terrain, barrier)
     if is_told and crest > barrier.width:
         _LOG.warning(
             f'the crest of the barrier, {barrier.width:g} m wide, becomes {crest:.3g} m wide on '
             f'cells of {cell:g} m, so that it has no gap'
         )
     return np.asarray(added)
+
+
+def _warn_of_part_off(terrain: Terrain, barrier: Barrier) -> None:
+    """Warn if a part of a crest is on no cell with data, and give its first place."""
+    line = np.asarray(barrier.line)
+    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    count = min(math.ceil(2.0 * lengths[-1] / terrain.resolution) + 1, MAX_SAMPLES)
+    along = np.linspace(0.0, lengths[-1], count)
+    places = np.stack([np.interp(along, lengths, axis) for axis in line.T], axis=-1)
+    off = np.isnan(terrain.values_at(terrain.elevation, places - terrain.offset))
+    if off.any():
+        east, north = places[off][0]
+        named = f' {barrier.name}' if barrier.name else ''
+        _LOG.warning(
+            f'{100.0 * off.mean():.2g} % of the barrier{named} is off the terrain, such as '
+            f'{east:.10g}, {north:.10g}, and raises nothing; its length and volume include it'
+        )
 
 
 def squared_distance(x: Any, y: Any, start: Any, end: Any) -> Any:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files.systems import plain_system
 
 #: Maximum number of cells along a side: users of nav_msgs/MapMetaData index with 16-bit integers.
@@ -38,6 +38,9 @@ MAX_WKT = 100_000
 SEA_LEVEL_CHECK = partial(
     validation.number, at_least=-MAX_ELEVATION, at_most=MAX_ELEVATION, unit='m'
 )
+
+#: Minimum distance between origins of map frames that differ [m].
+APART = 1e-3
 
 #: Maximum absolute map or projected coordinate [m].
 MAX_COORDINATE = 1e9
@@ -278,6 +281,25 @@ def is_same_ground(one: Terrain, other: Terrain, *, within: float = 0.0) -> bool
     return is_same and np.allclose(
         one.elevation, other.elevation, rtol=0.0, atol=within, equal_nan=True
     )
+
+
+def conflict_of_frames(terrain: Terrain, former: Terrain) -> RefusalError | None:
+    """Return the error about a terrain that places the map frame elsewhere than a former one.
+
+    Lava and vents keep their places in the map frame, and would move on the Earth. A terrain
+    without a coordinate system is taken to be in the same frame.
+    """
+    own, known = terrain.georeference, former.georeference
+    is_known = terrain.has_system and former.has_system
+    is_same = own.system == known.system and math.dist(own.offset, known.offset) <= APART
+    if is_same or not is_known:
+        return None
+    shown, expected = (
+        f'{str(item.system)[:40]}, offset {item.offset[0]:.10g} {item.offset[1]:.10g}'
+        for item in (own, known)
+    )
+    problem = f'The map frame of the terrain ({shown}) is not that of the lava ({expected})'
+    return RefusalError('terrain', problem, 'Keep the map frame, or start the node again')
 
 
 def check_epsg(field: str, code: object) -> None:

@@ -3,7 +3,7 @@
 
 """Vents from vector files and from tables such as those of DOWNFLOWGO and Lava2d."""
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
@@ -121,7 +121,7 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
             temperature=number('temperature', above=0.0),
             system=given[0].system,
         )
-        segments = _segments(parts, given)
+        segments = _segments(parts)
         if time is None:
             rows += _divide(whole, segments)
         elif len(segments) != 1 or rate is None:
@@ -135,30 +135,22 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
         replace(vent, discharge=instants_to_series(str(path), series))
         for vent, series in instants.items()
     ]
-    for vent, count in Counter(replace(vent, name='') for vent in rows).items():
-        if count > 1:
-            place = ' to '.join('{:.10g}, {:.10g}'.format(*one) for one in vent.places)
-            _LOG.warning(f'{path}: {count} vents at {place} are alike, and each emits lava')
     return tuple(rows)
 
 
-def _segments(
-    parts: Sequence[Feature], given: Sequence[Feature]
-) -> list[tuple[Any, Any, float, Any]]:
+def _segments(parts: Sequence[Feature]) -> list[tuple[Any, Any, float, Any]]:
     """Return start, end (None: a point), weight and places in the file of each segment.
 
-    Args:
-        parts: Parts of a feature, in the system of the terrain.
-        given: The same parts as in the file.
+    ``parts`` are the parts of a feature, in the system of the terrain.
     """
     if any(part.kind == 'Polygon' for part in parts):
         raise LavaError(parts[0].where, 'an area', 'a point or a line')
     if len({part.kind for part in parts}) > 1:
         raise LavaError(parts[0].where, 'points and lines', 'either points or lines')
     found: list[tuple[Any, Any, float, Any]] = []
-    for part, source in zip(parts, given, strict=True):
-        both = (part.rings[0], source.rings[0])
-        places, typed = ([(float(x), float(y)) for x, y in ring] for ring in both)
+    for part in parts:
+        places = [(x, y) for x, y in part.rings[0].tolist()]
+        typed = [(x, y) for x, y, *_ in part.given]
         if part.kind == 'Point':
             found.append((places[0], None, 1.0, (typed[0],)))
             continue

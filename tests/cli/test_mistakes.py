@@ -175,7 +175,7 @@ EDITS = {
         'two numbers [x, y] m'),
     'northing first': (
         'scene.yaml', '365300.0, 7650400.0', '7650400.0, 365300.0',
-        'vents[0].projected is (7650400, 365300)', 'easting and northing are swapped'),
+        'vents[0].projected is (7650400.0, 365300.0)', 'easting and northing are swapped'),
     'mistyped elevation file': (
         'scene.yaml', 'ground.npz', 'grond.npz', "terrain file is 'grond.npz'", 'ground.npz?'),
     'tab': (
@@ -257,40 +257,69 @@ def test_error_of_a_file_names_field_value_and_remedy(mistake, folder):
     assert all(part in error for part in parts), error
 
 
-#: Places of a number in inputs: the file, the replaced text and its replacement, the options, and
-#: the field in errors.
+#: Places of a number in inputs: the file, the replaced text and its replacement, the command, and
+#: the field with its value in errors.
 NUMBERS = {
-    'option': ('', '', '', '--effusion-rate NUMBER', '--effusion-rate'),
+    'option': ('', '', '', 'run scene.yaml --effusion-rate NUMBER', '--effusion-rate is NUMBER'),
     'option that is checked with the ground': (
-        '', '', '', '--vent 365300,7650400 --spacing NUMBER', '--spacing'),
-    'key': ('scene.yaml', '8.0', 'NUMBER', '', 'vents[0].effusion_rate'),
+        '', '', '', 'run scene.yaml --vent 365300,7650400 --spacing NUMBER',
+        '--spacing is NUMBER'),
+    'place of an option': (
+        '', '', '', 'run scene.yaml --vent NUMBER,7650400', "--vent is 'NUMBER,7650400'"),
+    'place of an option that is a list': (
+        '', '', '', 'barrier ground.npz -o dam.tif --height 5 --line 365300,7650400 NUMBER,?',
+        "--line is 'NUMBER,?'"),
+    'item of an option': (
+        '', '', '', 'map BAG -o a.pdf --extent NUMBER 0 -9 9', '--extent is [NUMBER, 0, -9, 9]'),
+    'key': ('scene.yaml', '8.0', 'NUMBER', '', 'vents[0].effusion_rate is NUMBER'),
     'item of a series': (
-        'scene.yaml', '8.0', '[[0, 1], [9, NUMBER]]', '', 'vents[0].effusion_rate[1][1]'),
+        'scene.yaml', '8.0', '[[0, 1], [9, NUMBER]]', '',
+        'vents[0].effusion_rate[1][1] is NUMBER'),
     'time of a series': (
-        'scene.yaml', '8.0', '[[0, 1], [NUMBER, 2]]', '', 'vents[0].effusion_rate[1][0]'),
+        'scene.yaml', '8.0', '[[0, 1], [NUMBER, 2]]', '',
+        'vents[0].effusion_rate[1][0] is NUMBER'),
+    'projected place': (
+        'scene.yaml', '365300.0, 7650400.0', '+365300.0, NUMBER', '',
+        'vents[0].projected is (+365300.0, NUMBER)'),
+    'place': (
+        'scene.yaml', 'projected: [365300.0, 7650400.0]', 'position: [NUMBER, 20]', '',
+        'vents[0].position is (NUMBER, 20)'),
+    'end of a fissure': (
+        'scene.yaml', 'projected: [365300.0, 7650400.0]', 'position: [5, 5]\n    end: [5, NUMBER]',
+        '', 'vents[0].end is (5, NUMBER)'),
+    'limit of a distribution': (
+        'scene.yaml', 'lava:', 'uncertainty: {discharge: {distribution: lognormal, median: 1, '
+        'factor: 2, limits: [7, NUMBER]}}\nlava:', '',
+        'uncertainty.discharge.limits[1] is NUMBER'),
     'constant': (
-        'scene.yaml', 'material: etna_basalt', 'viscosity: NUMBER', '', 'lava.viscosity'),
-    'rate of vents': ('vents.csv', ',9', ',NUMBER', '--vents vents.csv', 'vents.csv, line 2, q'),
+        'scene.yaml', 'material: etna_basalt', 'viscosity: NUMBER', '',
+        'lava.viscosity is NUMBER'),
+    'rate of vents': (
+        'vents.csv', ',9', ',NUMBER', 'run scene.yaml --vents vents.csv',
+        'vents.csv, line 2, q is NUMBER'),
+    'place of vents': (
+        'vents.csv', '365300', 'NUMBER', 'run scene.yaml --vents vents.csv',
+        "'vent 0' of vents.csv is (NUMBER, 7650400)"),
     'rate in a table': (
-        'rates.csv', ';40', ';NUMBER', '--effusion-rate rates.csv', 'rates.csv, line 3, TADR'),
+        'rates.csv', ';40', ';NUMBER', 'run scene.yaml --effusion-rate rates.csv',
+        'rates.csv, line 3, TADR is NUMBER'),
     'value in another unit': (
         'vents.csv', 'x,y,q\n365300,7650400,9', 'x,y,q,width_km\n365300,7650400,9,NUMBER',
-        '--vents vents.csv', 'vents.csv, line 2, width_km'),
+        'run scene.yaml --vents vents.csv', 'vents.csv, line 2, width_km is NUMBER'),
 }
 
 
 @pytest.mark.parametrize('number', ['-5', '-5.0', '-5e0', '-0.050'])
 @pytest.mark.parametrize('place', NUMBERS)
 def test_error_shows_a_number_as_it_was_typed(place, number, folder):
-    name, before, after, options, field = (
+    name, before, after, line, shown = (
         part.replace('NUMBER', number) for part in NUMBERS[place]
     )
     if name:
         text = Path(name).read_text()
         assert before in text
         Path(name).write_text(text.replace(before, after, 1))
-    error = error_of(f'run scene.yaml {options}')
-    assert f'{field} is {number}, expected ' in error
+    assert f'{shown}, expected ' in error_of(line or 'run scene.yaml')
 
 
 @pytest.mark.parametrize('command', COMMANDS)

@@ -81,7 +81,7 @@ def test_discharge_is_scaled_to_the_duration_and_volume() -> None:
     np.testing.assert_allclose(one.discharge, [(0.0, 20.0), (6000.0, 8.0), (12_000.0, 0.0)])
     np.testing.assert_allclose(other.discharge, [(0.0, 4.0), (12_000.0, 0.0)])
     for vents, words in (
-        ((first, second), r"vents\[0\].discharge of member 0 is \(600, 4\)"),
+        ((first, second), r"vents\[0\].discharge of member 0 is \(600.0, 4.0\)"),
         ((replace(second, discharge=0.0),), 'vents.discharge of member 0 is 0'),
     ):
         with pytest.raises(LavaError, match=words):

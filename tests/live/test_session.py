@@ -11,6 +11,7 @@ import pytest
 from lava_ros.errors import LavaError
 from lava_ros.live.session import SimulationSession
 from lava_ros.scene import constants_of, Lava, Scene, Terrain, Vent
+from lava_ros.scene.terrain import Georeference
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.method import settled_method
@@ -98,6 +99,30 @@ def test_constants_are_those_of_the_scene_only_after_the_next_start(constants, r
     for scene in (session.view.scene, session.simulation.scene):
         assert scene is not None
         assert all(getattr(scene, name) == value for name, value in constants.items())
+
+
+@pytest.mark.parametrize('has_lava', [True, False])
+@pytest.mark.parametrize(('georeference', 'moves'), [
+    (Georeference(32633, (4e5, 4e6)), False), (Georeference(32633, (4e5 + 1e-6, 4e6)), False),
+    (Georeference(32633, (4e5, 4e6 + 1.0)), True), (Georeference(32634, (4e5, 4e6)), True),
+    (Georeference(), False),
+])
+def test_terrain_in_another_map_frame_is_refused_under_lava(georeference, moves, has_lava):
+    session = SimulationSession(settled)
+    ground = SLOPE.with_georeference(Georeference(32633, (4e5, 4e6)))
+    session.start(Scene(ground, (SLOW,) if has_lava else (), lava=LAVA))
+    session.advance(60.0, wall_limit=60.0, max_particles=1000)
+    other = replace(SLOPE, elevation=SLOPE.elevation + 1.0).with_georeference(georeference)
+    if moves and has_lava:
+        with pytest.raises(LavaError, match='The map frame of the terrain .* is not that of the'):
+            session.set_terrain(other)
+        assert session.view.scene.terrain is ground
+    else:
+        assert session.set_terrain(other)
+    # the frame of a terrain whose frame is unknown may be learnt later
+    session.start(Scene(SLOPE, (SLOW,), lava=LAVA))
+    session.advance(60.0, wall_limit=60.0, max_particles=1000)
+    assert session.set_terrain(other)
 
 
 def test_refused_constants_leave_those_of_the_next_start():

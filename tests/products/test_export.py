@@ -163,7 +163,7 @@ def test_bag_without_coordinate_system_is_in_the_map_frame(tmp_path):
 
 @pytest.mark.parametrize(('options', 'words'), [
     ({'offset': (1.0, 2.0)}, 'offset is .*as the bag states'),
-    ({'time': 100.0}, 'time is 100, expected 200 to 800 s'),
+    ({'time': 100.0}, 'time is 100.0, expected 200 to 800 s'),
     ({'threshold': 0.01}, 'threshold is 0.01'),
     ({'threshold': float('nan')}, 'threshold is nan'),
     ({'maps': ['depth']}, 'maps'),

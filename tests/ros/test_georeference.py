@@ -168,7 +168,7 @@ def test_static_transform_is_withdrawn_and_compared():
     assert found.warning() == '' and found.update(ground, header) is None
     far = replace(ground, epsg=31467, origin=(3.6e6, 5.4e6))
     assert found.update(far, header) is None
-    assert found.warning().startswith('no transform to map: terrain.offset is (0, 0)')
+    assert found.warning().startswith('no transform to map: terrain.offset is (0.0, 0.0)')
 
 
 def reference_of(node):

@@ -142,7 +142,7 @@ def spoilt(**changes):
         ({'inner_start_index': 3}, 'inner_start_index is 3, expected 0 to 2'),
         ({'info__resolution': 0.0}, 'info.resolution is 0'),
         ({'info__resolution': float('nan')}, 'info.resolution is nan'),
-        ({'info__length_x': 6.0}, 'info.length_x is 6, expected 8 m: 4 cells'),
+        ({'info__length_x': 6.0}, 'info.length_x is 6.0, expected 8 m: 4 cells'),
         ({'info__length_y': float('nan')}, 'info.length_y is nan, expected 6 m'),
         ({'info__pose__position__x': float('inf')}, 'info.pose.position.x is inf'),
         ({'info__pose__position__z': 3.0}, 'info.pose.position.z is 3'),

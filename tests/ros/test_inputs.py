@@ -212,6 +212,18 @@ def test_cloud_becomes_vents():
     assert vent == replace(first, name='vent 42')
 
 
+@pytest.mark.parametrize(('fields', 'words'), [
+    ({}, ''), ({'id': 1.0, 'x_end': 3.0, 'y_end': 4.0, 'velocity_x': 0.0, 'velocity_y': 0.0}, ''),
+    ({'id': 1.0, 'time': 0.0}, ''), ({'width': 3.0}, 'unknown fields are ignored: width (of a'),
+    ({'rate': 3.0, 'end': 0.0}, 'unknown fields are ignored: rate, end (of a vent: x, y, z, dis'),
+])
+def test_unknown_fields_of_vents_are_named(fields, words):
+    cloud = _vents(fields)
+    assert len(inputs.vents_from_cloud(cloud, RULES)) == 1
+    assert inputs.ignored_fields(cloud).startswith(words)
+    assert bool(inputs.ignored_fields(cloud)) is bool(words)
+
+
 def test_points_with_times_are_one_vent_with_a_series():
     points = [
         {'time': time, 'discharge': discharge, 'x': x}
@@ -233,7 +245,7 @@ def test_points_with_times_are_one_vent_with_a_series():
         (_vents(*points), 'missing: id'),
         (
             _vents(points[0], {**points[1], 'radius': 9.0}, id=7.0),
-            "'vent 7'.radius is 9, expected 8 as at its first time",
+            "'vent 7'.radius is 9.0, expected 8 as at its first time",
         ),
         (_vents(points[1], points[0], id=7.0), "'vent 7'.discharge"),
     ):

@@ -37,7 +37,8 @@ def test_number_has_a_range_with_its_default():
         assert all(choice in descriptor.additional_constraints for choice in spec.choices)
         assert (parameters.WHEN in descriptor.additional_constraints) is spec.read_only
         ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
-        assert len(ranges) == (type(spec.default) in (int, float)), spec.name
+        is_number = isinstance(spec.default, int | float) and not isinstance(spec.default, bool)
+        assert len(ranges) == is_number, spec.name
         for limits in ranges:
             assert limits.from_value <= spec.default <= limits.to_value, spec.name
 

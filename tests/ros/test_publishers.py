@@ -186,7 +186,7 @@ def test_parameter_replaces_the_margin_of_keepout_masks():
     assert none == {**usual, **dict.fromkeys(keepout, 0.0)}
     assert wide == {**usual, **dict.fromkeys(keepout, 55.0)}
     for margin in (0.0, 55.0):
-        with pytest.raises(LavaError, match=f'mask_margin is {margin:g}, expected -1 unless'):
+        with pytest.raises(LavaError, match=f'mask_margin is {margin}, expected -1 unless'):
             published_layers(CONFIGS / 'default.yaml', settings=Settings(mask_margin=margin))
 
 

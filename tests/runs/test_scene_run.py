@@ -115,6 +115,31 @@ def test_run_whose_lava_waits_in_the_vents_warns_and_has_no_error(spacing, is_wa
     assert any('waits in the vents' in text for text in warnings_of_moments(moments)) is is_waiting
 
 
+@pytest.mark.parametrize(('method', 'viscosity', 'velocity', 'words'), [
+    ('particles', 1e5, (3.0, 0.0), ['the velocity of jet has no effect: inertia is off']),
+    ('particles', 1e5, (0.0, 0.0), []),
+    ('particles', 1.0, (3.0, 0.0), []),
+    ('cells', 1e5, (3.0, 0.0), ['the velocity of jet has no effect: inertia is off']),
+    ('cells', 1.0, (3.0, 0.0), ['needs inertia', 'the velocity of jet has no effect']),
+])
+def test_bag_of_a_run_warns_of_effects_that_it_lacks(
+    method, viscosity, velocity, words, tmp_path
+):
+    vent = Vent((50.0, 100.0), 5.0, name='jet', velocity=velocity)
+    run = SceneRun(request(
+        tmp_path / 'run', scene=Scene(SLOPE, (vent,), Lava.paper(viscosity=viscosity)),
+        accuracy=lambda: ('draft', Accuracy(method=method, spacing=10.0)), times=[20.0],
+        until=20.0,
+    ))
+    run.run()
+    run.finish()
+    in_bag = ' '.join(warnings_of_moments(Recording(run.folder.path).timeline.last_run)).lower()
+    in_record = ' '.join(run.folder.record['warnings'])
+    for text in (in_bag, in_record):
+        assert [word in text for word in words] == [True] * len(words)
+        assert ('velocity' in text) is bool(words)
+
+
 @pytest.mark.parametrize(('vents', 'has_none'), [
     ((), True), ((Vent((50.0, 100.0), 0.0),), True),
     ((Vent((50.0, 100.0), ((0.0, 0.0), (900.0, 5.0))),), True),

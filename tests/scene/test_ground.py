@@ -166,6 +166,19 @@ def test_elevation_file_keeps_its_barriers(tmp_path, ending, caplog):
     assert stored == [[list(place) for place in crest] for crest in dam.barriers]
 
 
+@pytest.mark.parametrize(('line', 'words'), [
+    ((_place(10, 105), _place(490, 105)), ''),
+    ((_place(10, 105), _place(-990, 105)), '99 % of the barrier is off the terrain, such as '),
+    ((_place(10, 205), _place(490, 205)), '21 % of the barrier is off the terrain, such as '),
+    ((_place(10, 105), _place(1e8, 105)), '1e+02 % of the barrier is off the terrain, such as '),
+])
+def test_part_of_a_barrier_off_the_terrain_is_a_warning(line, words, caplog):
+    elevation = np.array(GROUND.elevation)
+    elevation[20, 20:30] = np.nan
+    with_barriers(replace(GROUND, elevation=elevation), [Barrier(line, 8.0, 20.0)])
+    assert words in caplog.text and ('off the terrain' in caplog.text) is bool(words)
+
+
 def test_barrier_and_filter_keep_cells_without_data():
     elevation = np.array(GROUND.elevation)
     elevation[20, 20:30] = np.nan

@@ -193,6 +193,14 @@ SLIPS = {
         (*ON, '--effusion-rate={table}:2121'), (*ON, '--effusion-rate={table}:2021'),
         'a digit of the year may be wrong (2021)',
     ),
+    'place typed twice': Slip(
+        (*ON, *ON, '--effusion-rate=9'), (*ON, *place('302500,5637501'), '--effusion-rate=9'),
+        '2 vents at 302500, 5637500 are alike, and each emits 9 m3/s at most',
+    ),
+    'vent copied in a scene': Slip(
+        {'vents': 2 * vent()['vents']}, {'vents': vent()['vents'] + vent(radius=9.0)['vents']},
+        '2 vents at 302500, 5637500 are alike, and each emits 10 m3/s at most',
+    ),
     'year without a digit': Slip(
         (*ON, '--effusion-rate={table}:1021'), (*ON, '--effusion-rate={table}:2011'),
         'more than 500 years ago',

@@ -14,6 +14,7 @@ from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.output.budget import volume_key, VolumeBudget, VOLUMES
 from lava_ros.simulation.output.diagnostics import gather_numbers, moment_of
 from lava_ros.simulation.output.inundation import reached_cells
@@ -41,6 +42,48 @@ def test_coincident_particles_are_moved_apart():
     assert moved == pytest.approx(2e-3 * np.sqrt([0, 0, 1, 0, 2, 1]))
     assert len(np.unique(rows[:, :2], axis=0)) == len(places)
     assert given.position.tolist() == [list(place) for place in places]
+
+
+@pytest.mark.parametrize('method', METHODS)
+@pytest.mark.parametrize('lost', ['never', 'at the start', 'hole in the lava', 'sea'])
+def test_inundated_fraction_is_unknown_where_the_ground_has_no_data(method, lost):
+    whole = Terrain(valley(), 10.0)
+    holed = np.array(whole.elevation)
+    holed[13:18, 8:12] = np.nan
+    after = {
+        'never': whole, 'sea': replace(whole, sea_level=492.0),
+    }.get(lost, replace(whole, elevation=holed))
+    simulation = Simulation(
+        Scene(after if lost == 'at the start' else whole, VENTS[:1], Lava(viscosity=1e3)),
+        accuracy=Accuracy(method=method, spacing=10.0), device='cpu',
+    )
+    simulation.advance(200.0)
+    before = simulation.snapshot()
+    simulation.set_terrain(after)
+    snapshot = simulation.snapshot()
+    assert (reached_cells(before.arrived) & ~after.has_data).any() is np.bool_(
+        lost in ('hole in the lava', 'sea')
+    )
+    np.testing.assert_array_equal(np.isnan(snapshot.inundated), ~after.has_data)
+    np.testing.assert_array_equal(np.isnan(snapshot.inundated), np.isnan(snapshot.thickness))
+    kept = np.where(after.has_data, before.inundated, 0.0)
+    assert snapshot.area(snapshot.inundated) == before.area(kept) > 0.0
+
+
+@pytest.mark.parametrize('method', METHODS)
+@pytest.mark.parametrize('spacing', [5.0, 10.0, 20.0])
+@pytest.mark.parametrize('time', [0.0, 200.0])
+def test_temperature_is_known_exactly_where_there_is_lava(method, spacing, time):
+    simulation = Simulation(
+        Scene(Terrain(valley(), 10.0), VENTS[:1], Lava(viscosity=1e3)),
+        accuracy=Accuracy(method=method, spacing=spacing), device='cpu',
+    )
+    simulation.advance(time)
+    snapshot = simulation.snapshot()
+    wet = snapshot.thickness > 0.0
+    assert wet.any() is np.bool_(time > 0.0)
+    np.testing.assert_array_equal(np.isfinite(snapshot.temperature), wet)
+    assert (snapshot.temperature[wet] > 1000.0).all()
 
 
 def valley():

@@ -149,13 +149,17 @@ def snapshot_of(
     """
     inundated, half_inundated, arrived = maps[-len(SHOWN) :]
     grids = maps[: -len(SHOWN)]
+    if (missing := ~terrain.has_data).any():
+        # ground may lose its data during a run
+        inundated = np.where(missing, np.float32(np.nan), inundated)
     # not nansum, which copies the grid
     thin = np.sum(grids[0], where=np.isnan(arrived) & (grids[0] > 0.0), dtype=np.float64)
     budget = replace(moment.budget, thin=float(thin) * terrain.resolution**2)
     return Snapshot(
         terrain=terrain,
         thickness=grids[0],
-        temperature=grids[1],
+        # cells without lava have no value, whatever the maps of a solver contain there
+        temperature=np.where(grids[0] > 0.0, grids[1], np.float32(np.nan)),
         frozen=grids[2] if len(grids) > 2 else None,
         arrived=arrived,
         half_inundated=half_inundated,

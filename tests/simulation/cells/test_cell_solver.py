@@ -314,10 +314,10 @@ def test_spacing_in_outputs_follows_a_replaced_terrain():
 
 
 @pytest.mark.parametrize(('shape', 'cell', 'knobs', 'message'), [
-    ((40, 40), 5000.0, {'spacing': 1.0}, r'spacing is 1, expected at least 39.06 m, the smal'),
-    ((2, 9000), 8.0, {'spacing': 1.0}, r'spacing is 1, expected at least 4 m, the smallest'),
+    ((40, 40), 5000.0, {'spacing': 1.0}, r'spacing is 1.0, expected at least 39.06 m, the smal'),
+    ((2, 9000), 8.0, {'spacing': 1.0}, r'spacing is 1.0, expected at least 4 m, the smallest'),
     ((4, 4), 1e-3, {'spacing': 1e-5}, r'spacing is 1e-05, expected at least 0.000125 m, the'),
-    ((600, 600), 10.0, {'refinement': 20.0}, r'refinement is 20, expected one for which the a'),
+    ((600, 600), 10.0, {'refinement': 20.0}, r'refinement is 20.0, expected one for which the a'),
 ])
 def test_refuses_cells_that_the_terrain_cannot_have(shape, cell, knobs, message):
     ground = Terrain(np.zeros(shape), cell)
@@ -335,7 +335,7 @@ def test_wide_vent_spreads_evenly_over_small_cells():
 def test_terrain_remains_if_the_next_one_is_refused():
     simulation = simulated(slope(), Vent((-60.0, 0.0), 10.0), spacing=5.0)
     simulation.advance(100.0)
-    with pytest.raises(LavaError, match=r'accuracy.spacing is 5, expected at least 39.06 m'):
+    with pytest.raises(LavaError, match=r'accuracy.spacing is 5.0, expected at least 39.06 m'):
         simulation.set_terrain(Terrain(np.zeros((40, 40)), 5000.0, origin=(-1e5, -1e5)))
     simulation.advance(200.0)
     budget = simulation.budget()
