@@ -305,8 +305,8 @@ class CellLava:
             # solidified lava in all, so that the number of maps does not depend on effects
             maps = np.zeros((3 + len(SHOWN), *terrain.shape), dtype=np.float32)
             maps[:, ~terrain.has_data] = np.nan
-            # times of cells that lava has not reached
-            maps[-2:] = np.nan
+            # temperature without lava, and times of cells that lava has not reached
+            maps[[1, -2, -1]] = np.nan
             self._grids = wp.array(maps, dtype=wp.float32, device=self.device)
         return self._grids
 
@@ -334,6 +334,8 @@ class CellLava:
         thickness, temperature, frozen = read_parts(
             [self.state.thickness, heat.temperature, heat.frozen], self._cells_under(part)
         )
+        # a film of rounding errors is not lava
+        thickness[thickness <= self._film] = 0.0
         flowing, solid, warmth = (
             self._on_terrain(values, part)
             for values in (thickness, frozen, thickness * temperature)
@@ -413,6 +415,7 @@ class CellLava:
         thickness, temperature = self.peaks.on_terrain(
             lambda values: self._on_terrain(values, part), self._cells_under(part)
         )
+        thickness[thickness <= self._film] = 0.0
         # 0 K is lava that was solid throughout
         warm = np.where(temperature > 0.0, temperature, self.scene.lava.solidus)
         warm[~(terrain.has_data[part] & (thickness > 0.0))] = np.nan

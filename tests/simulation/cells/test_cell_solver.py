@@ -159,6 +159,21 @@ def test_a_launch_has_as_many_steps_as_take_its_time(monkeypatch):
     )
 
 
+def test_maps_have_lava_where_it_counts():
+    simulation = simulated(slope(), Vent((-60.0, 3.0), 20.0))
+    peaks = simulation.start_peaks(0.1)
+    simulation.advance(1200.0)
+    snapshot = simulation.snapshot()
+    has_lava = snapshot.thickness > 0.0
+    thickness = simulation.solver.state.map_of('thickness')
+    assert ((thickness > 0.0) & ~has_lava).any(), 'a film beyond the fronts'
+    assert has_lava.sum() == simulation.particle_count
+    np.testing.assert_array_equal(np.isfinite(snapshot.temperature), has_lava)
+    seen = simulation.read_peaks(peaks)
+    assert ((seen.thickness > 0.0) >= has_lava).all()
+    assert seen.thickness[seen.thickness > 0.0].min() > simulation.solver.state.film
+
+
 def test_steps_keep_the_largest_thickness():
     simulation = simulated(slope(), Vent((-60.0, 3.0), ((0.0, 8.0), (60.0, 0.0)), radius=7.0))
     peaks = simulation.start_peaks(simulation.accuracy.inundation_threshold)
