@@ -51,9 +51,12 @@ MAX_CORRECTION = 0.15
 #: Largest error of the area of a member, one minus the Jaccard index, for usable probabilities.
 MAX_AREA_ERROR = 0.35
 
-#: Cells that lava reaches before this fraction of the latest arrival are as small as the vent, and
-#: do not count in a pair.
+#: Cells that lava of either run reaches before this fraction of the latest arrival are as small as
+#: the vent, and do not count in a pair.
 _MIN_TIME_FRACTION = 0.1
+
+#: Minimum arrival time of cells that count [s]: lava is in all others from the start.
+_MIN_TIME = 1e-9
 
 #: Quantiles of a normal distribution at one standard deviation.
 _INNER = (0.15866, 0.84134)
@@ -106,14 +109,14 @@ def pair_of(
     """
     if not reached_cells(arrival).any():
         return None
-    both = reached_cells(arrival) & reached_cells(coarser)
-    if not both.any():
-        return SpacingPair(delay=0.0, scatter=0.0, growth=0.0, difference=1.0)
-    both &= arrival >= _MIN_TIME_FRACTION * arrival[both].max()
-    earliest = np.finfo(np.float32).tiny
-    ratio = np.log(np.maximum(coarser[both], earliest) / np.maximum(arrival[both], earliest))
-    low, high = np.quantile(ratio, _INNER)
+    earlier = np.minimum(arrival, coarser)
     areas = [float(values.sum(dtype=np.float64)) for values in (coarser_part, inundated)]
+    if not (reached_cells(earlier).any() and all(areas)):
+        return SpacingPair(delay=0.0, scatter=0.0, growth=0.0, difference=1.0)
+    counted = earlier >= max(_MIN_TIME_FRACTION * np.nanmax(earlier), _MIN_TIME)
+    # without such cells the lava of both is where it began, which takes no time
+    ratio = np.log(coarser[counted] / arrival[counted]) if counted.any() else np.zeros(1)
+    low, high = np.quantile(ratio, _INNER)
     return SpacingPair(
         delay=float(np.median(ratio)),
         scatter=0.5 * float(high - low),
@@ -190,7 +193,7 @@ class SpacingError:
 
         Cells can only be halved: it is then their size.
         """
-        spacing = self.spacing * min(self.excess ** (-1.0 / ORDERS[self.method]), 1.0)
+        spacing = self.spacing * max(self.excess, 1.0) ** (-1.0 / ORDERS[self.method])
         if self.method == 'cells':
             return self.spacing * 0.5 ** math.ceil(math.log2(self.spacing / spacing) - 1e-9)
         unit = 10.0 ** (math.floor(math.log10(spacing)) - 1)

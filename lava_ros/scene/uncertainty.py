@@ -239,7 +239,7 @@ MEASURED_KEYS = Keys({
 SURVEY_KEYS = Keys({'survey': Key(partial(validation.choice, allowed=SURVEYS), is_required=True)})
 CONTOUR_KEYS = Keys({
     'contours': Key(
-        partial(validation.number, above=0.0, at_most=1000.0, unit='m'),
+        partial(validation.number, at_least=0.01, at_most=1000.0, unit='m'),
         'Interval of the contours from which the terrain was interpolated [m]', True,
     ),
 })

@@ -52,6 +52,44 @@ def test_pair_has_the_delay_and_the_growth_of_its_coarser_run() -> None:
     assert error is not None and not error.is_usable and 0.0 < error.usable_spacing < 8.0
 
 
+#: Arrival times of a member and its coarser run [s], and the expected delay.
+EARLY = {
+    'vent in both': ([0.0, 0.0, 400.0], [0.0, 0.0, 440.0], math.log(1.1)),
+    'vent of the coarser run is wider': ([0.0, 380.0, 400.0], [0.0, 0.0, 440.0], math.log(1.1)),
+    'vent of the member is wider': ([0.0, 0.0, 400.0], [0.0, 400.0, 440.0], math.log(1.1)),
+    'first steps of one are shorter': ([1e-4, 380.0, 400.0], [1e-4, 1e-4, 440.0], math.log(1.1)),
+    'all at the start': ([0.0, 0.0, np.nan], [0.0, 0.0, 30.0], 0.0),
+    'member at the start': ([0.0, 0.0, 0.0], [100.0, 200.0, 400.0], 0.0),
+    'coarser run at the start': ([100.0, 200.0, 400.0], [0.0, 0.0, 0.0], 0.0),
+    'nothing in common': ([0.0, np.nan, np.nan], [np.nan, 0.0, 100.0], 0.0),
+}
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('method', COARSER)
+@pytest.mark.parametrize('part', [1.0, 0.0])
+@pytest.mark.parametrize('name', EARLY)
+def test_cells_with_lava_from_the_start_have_no_delay(
+    name: str, part: float, method: str
+) -> None:
+    *runs, delay = EARLY[name]
+    times = [np.array(run, dtype=np.float32)[None, :] for run in runs]
+    # with a part of 0 lava has touched cells, but does not yet cover any
+    parts = [np.where(np.isfinite(time), part, 0.0).astype(np.float32) for time in times]
+    pair = pair_of(times[0], parts[0], times[1], parts[1])
+    assert pair is not None
+    assert pair.delay == pytest.approx(delay if part else 0.0, abs=1e-6)
+    assert pair.scatter == pytest.approx(0.0, abs=1e-6)
+    assert pair.difference == 1.0 or part
+    error = SpacingError.of([pair, pair], Accuracy(method=method, spacing=10.0))
+    assert error is not None and error.text()
+    assert error.arrival_error(432.0) < 432.0
+    for key, value in error.as_dict().items():
+        assert isinstance(value, str) or math.isfinite(value), key
+    counts = np.array([[0, 2, 1], [3, 0, 0]])
+    assert np.isfinite(error.corrected(counts, 3.0, error.end(counts, 3.0))).all()
+
+
 @pytest.mark.parametrize('method', COARSER)
 def test_error_is_that_of_an_exact_run_by_the_order_of_the_method(method: str) -> None:
     spacing, rate = 8.0, 0.004

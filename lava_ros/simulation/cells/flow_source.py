@@ -240,6 +240,8 @@ STEP = """
         step = reach(stages) / stiffness;
         full = step;
     }
+    // vents emit the integral of their rates: the step is that of the rounded clock
+    if (step < until - time && time + step > time) step = (time + step) - time;
     if (time + step > max_end) {
         if (is_first) clock[7] = step;
         together();

@@ -232,7 +232,14 @@ class CellSolver(CellLava):
 
     def _taking_steps(self, deadline: float) -> Generator[None, None, None]:
         """Take steps to ``clock[TARGET]`` as a member of a batch, or some steps alone."""
-        batch = current_batch()
+        clock, batch = self.clock, current_batch()
+        # as float32, in which the kernel compares it
+        is_empty = self.thickest <= float(np.float32(self._film))
+        is_idle = is_empty and clock[POURED] == 0.0 and math.isfinite(clock[TARGET])
+        if is_idle and not self._is_due:
+            # as the kernel does, without a launch in each tick of a clock
+            clock[TIME] = max(clock[TIME], clock[TARGET])
+            return
         if batch is None or not self.device.is_cuda:
             self._take_steps()
             yield
@@ -240,7 +247,7 @@ class CellSolver(CellLava):
         kind = self.effects, self._is_heated
         batch.advance_world(
             kind, partial(CellGroup, *kind, self.device), self._world,
-            (self.clock, self._reached, self._is_due),
+            (clock, self._reached, self._is_due),
         )
         self._is_due = False
         yield

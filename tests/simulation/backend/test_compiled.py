@@ -15,8 +15,10 @@ from types import SimpleNamespace
 import pytest
 import warp as wp
 
+from lava_ros.simulation.backend.compiled import FEW_THREADS
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.step import fused_stage
+from lava_ros.simulation.step.timestep import StageChoice
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
 
 #: Sets of effects, by their names in the benchmark.
@@ -77,8 +79,11 @@ def stack_of(cubin):
     return stack
 
 
-def launched(name, is_short=False):
-    """Return the kernels that a stage would launch on a GPU."""
+def launched(name, is_short=False, is_fused=False):
+    """Return the kernels that a stage would launch on a GPU.
+
+    ``is_fused``: the first block of the motion chooses the stage and emits.
+    """
     kernels = []
 
     def record(kernel, *_, record_cmd=False, **__):
@@ -93,7 +98,10 @@ def launched(name, is_short=False):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(wp, 'launch', record)
         patch.setattr(State, 'is_short', is_short)
-        patch.setattr(fused_stage, 'is_within_the_motion', lambda *_, **__: is_short)
+        patch.setattr(fused_stage, 'is_within_the_motion', lambda *_, **__: is_fused)
+        if is_short and not is_fused:
+            # the registers that threads of particles have beside the first block
+            patch.setattr(fused_stage, 'StageChoice', partial(StageChoice, bounds=FEW_THREADS))
         patch.setattr(State, 'is_wide', False)
         simulation = lava_field(400, effect_sets()[name], 'cpu')
         vents = simulation.solver.vents
@@ -146,19 +154,32 @@ def test_kernels_do_not_spill_divide_slowly_or_read_early(stage, name, check):
         check(code)
 
 
+def of_all_sets(**options):
+    """Return the kernels of all sets of effects by their modules."""
+    return {
+        kernel.module.name: kernel
+        for name in effect_sets()
+        for kernel in launched(name, **options)
+    }.values()
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize('is_short', [False, True])
 def test_effects_compile_without_local_memory(compiled, is_short):
-    kernels = {
-        kernel.module.name: kernel
-        for name in effect_sets()
-        for kernel in launched(name, is_short=is_short)
-    }
-    codes = compiled(kernels.values(), arch=80)
+    codes = compiled(of_all_sets(is_short=is_short), arch=80)
     others = {'accelerate', 'exchange_heat', 'freeze', 'merge', 'emit', 'sweep', 'move'}
     assert {code.name for code in codes} >= others
     for code in codes:
         assert code.stack == 0, code.name
+
+
+@pytest.mark.nightly
+def test_first_block_of_the_motion_keeps_no_array(compiled):
+    """It may spill single registers (fused_stage.py), which only the compiler's output has."""
+    codes = compiled(of_all_sets(is_short=True, is_fused=True), arch=80)
+    assert any('membar' in code.text for code in codes if code.name == 'move')
+    for code in codes:
+        assert '.local' not in code.text, code.name
 
 
 vec64 = wp.types.vector(64, float)

@@ -432,3 +432,31 @@ def test_launch_takes_no_more_steps_after_its_lava_has_frozen():
     simulation.advance(4e5)
     assert simulation.budget().solidified == pytest.approx(20.0, rel=1e-12)
     assert simulation.solver.steps < 500
+
+
+@pytest.mark.parametrize('discharge', [
+    ((0.0, 1.0), (20.0, 0.0), (1e3, 1.0)), ((0.0, 0.0), (1e3, 1.0)),
+])
+def test_ticks_without_lava_take_no_launch_and_change_nothing(discharge):
+    vent = Vent((-60.0, 3.0), discharge, radius=7.0)
+    lava = replace(LAVA, convection=1e5, solidus=1200.0)
+    ticked, expected = (
+        simulated(
+            slope(), vent, lava=lava, effects=only('cooling', 'solidification'),
+            longest_step=10.0,
+        ) for _ in range(2)
+    )
+    launches, solver = [], ticked.solver
+    launch = solver._take_steps
+    solver._take_steps = lambda: (launches.append(solver.time), launch())
+    for until in [500.0, *np.arange(520.0, 1e3, 20.0), 1020.0]:
+        ticked.advance(until, limit=1020.0)
+    expected.advance(1020.0)
+    assert solver.steps == expected.solver.steps > 3
+    # the lava of the first 20 s is solid long before 500 s
+    assert not [time for time in launches if 500.0 < time < 1e3]
+    for name, values in vars(ticked.sample()).items():
+        assert np.array_equal(values, vars(expected.sample())[name]), name
+    maps = [simulation.snapshot() for simulation in (ticked, expected)]
+    assert np.array_equal(*(one.arrived for one in maps), equal_nan=True)
+    assert np.array_equal(*(one.thickness for one in maps), equal_nan=True)
