@@ -104,8 +104,9 @@ def number(
         and (at_most is None or result <= at_most)
     ):
         # an error of a later check shows 5 as 5, and 1e3 as 1e3
-        text = value.text if isinstance(value, Typed) else str(value)
-        return result if type(value) is float else Typed(result, text)
+        if isinstance(value, Typed):
+            return Typed(result, value.text)
+        return Typed(result, str(value)) if isinstance(value, str | int) else result
     suffix = f' {unit}' if unit else ''
     alone = f' in {unit}' if unit else ''
     limits = {'above': above, 'at least': at_least, 'at most': at_most}

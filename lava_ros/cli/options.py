@@ -58,8 +58,8 @@ def argument(
         options['type'] = usual
     elif usual is not None:
         options['default'] = usual
-        if type(usual) in (int, float):
-            options['type'] = type(usual)
+        if isinstance(usual, int | float) and not isinstance(usual, bool):
+            options['type'] = float if isinstance(usual, float) else int
         if isinstance(usual, int | float | str) and usual != '' and '(default' not in str(text):
             text = f'{text} (default: %(default){"g" if isinstance(usual, float) else "s"})'
     if metavar is not None:

@@ -396,7 +396,9 @@ def constant_parameters(constants: Mapping[str, Any]) -> tuple[ParameterSpec, ..
         unit = f' [{about["unit"]}]' if about.get('unit') else ''
         text = f'{about["text"]}{unit}; from the next start or reset'
         choices = tuple(about.get('choices', ()))
-        spec = ParameterSpec(prefix + item.name, value, text, about.get('limits'), choices=choices)
+        # a float without the text that a user typed
+        usual = float(value) if isinstance(value, float) else value
+        spec = ParameterSpec(prefix + item.name, usual, text, about.get('limits'), choices=choices)
         result.append(spec)
     return tuple(result)
 

@@ -71,7 +71,7 @@ def test_events_are_applied_and_undone_by_a_reset() -> None:
     assert session.set_terrain(other)
     # terrain on which a future barrier is impossible is rejected
     with pytest.raises(LavaError, match='a line on the terrain'):
-        session.set_terrain(replace(GROUND, offset=(0.0, 0.0)))
+        session.set_terrain(replace(GROUND, elevation=GROUND.elevation[:, :7]))
     assert session.scene.terrain is other
     session.reset()
     assert session.scene.terrain is other and session.scene.events == SCENE.events

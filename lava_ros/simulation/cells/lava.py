@@ -61,6 +61,10 @@ from lava_ros.simulation.particles.terrain import known_on
 #: Thickness below which lava does not flow, over the expected thickness of the flow up to 1 m.
 FILM = 1e-6
 
+#: Thickness up to which lava is a rounding error of the fluxes and not on maps, over that of the
+#: thickest lava.
+DUST = 1e-9
+
 
 #: Maps that simulations on the same terrain share.
 _SHARED = 'kind', 'elevation', 'known'
@@ -334,8 +338,7 @@ class CellLava:
         thickness, temperature, frozen = read_parts(
             [self.state.thickness, heat.temperature, heat.frozen], self._cells_under(part)
         )
-        # a film of rounding errors is not lava
-        thickness[thickness <= self._film] = 0.0
+        _remove_dust(thickness)
         flowing, solid, warmth = (
             self._on_terrain(values, part)
             for values in (thickness, frozen, thickness * temperature)
@@ -415,7 +418,6 @@ class CellLava:
         thickness, temperature = self.peaks.on_terrain(
             lambda values: self._on_terrain(values, part), self._cells_under(part)
         )
-        thickness[thickness <= self._film] = 0.0
         # 0 K is lava that was solid throughout
         warm = np.where(temperature > 0.0, temperature, self.scene.lava.solidus)
         warm[~(terrain.has_data[part] & (thickness > 0.0))] = np.nan
@@ -475,6 +477,11 @@ def _fill(array: Any, values: np.ndarray | float) -> None:
         array.fill_(float(first))
     else:
         array.assign(np.pad(values, 1, mode='edge').astype(wp.dtype_to_numpy(array.dtype)))
+
+
+def _remove_dust(thickness: np.ndarray) -> None:
+    """Set to 0 what rounding errors have left on a map, less than the rounding of the map."""
+    thickness[thickness <= DUST * thickness.max(initial=0.0)] = 0.0
 
 
 def _inner(array: Any) -> np.ndarray:

@@ -19,6 +19,7 @@ from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.cells import solver as solver_module
+from lava_ros.simulation.cells.lava import DUST
 from lava_ros.simulation.cells.solver import CellSolver
 from lava_ros.simulation.output.measurement import current_resolution
 from lava_ros.simulation.selection import decide, effects_for, warnings_of
@@ -159,19 +160,18 @@ def test_a_launch_has_as_many_steps_as_take_its_time(monkeypatch):
     )
 
 
-def test_maps_have_lava_where_it_counts():
+def test_rounding_errors_beyond_the_fronts_are_not_on_maps():
     simulation = simulated(slope(), Vent((-60.0, 3.0), 20.0))
-    peaks = simulation.start_peaks(0.1)
     simulation.advance(1200.0)
     snapshot = simulation.snapshot()
     has_lava = snapshot.thickness > 0.0
     thickness = simulation.solver.state.map_of('thickness')
-    assert ((thickness > 0.0) & ~has_lava).any(), 'a film beyond the fronts'
-    assert has_lava.sum() == simulation.particle_count
+    least = DUST * thickness.max()
+    assert ((thickness > 0.0) & (thickness <= least)).any()
+    np.testing.assert_array_equal(has_lava, thickness > least)
     np.testing.assert_array_equal(np.isfinite(snapshot.temperature), has_lava)
-    seen = simulation.read_peaks(peaks)
-    assert ((seen.thickness > 0.0) >= has_lava).all()
-    assert seen.thickness[seen.thickness > 0.0].min() > simulation.solver.state.film
+    # what is left out is less than the rounding of the map
+    assert thickness[~has_lava].sum() < 1e-9 * thickness.sum()
 
 
 def test_steps_keep_the_largest_thickness():
