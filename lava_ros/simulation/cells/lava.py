@@ -4,7 +4,7 @@
 """The lava of a simulation on cells: its arrays, and what others read of them."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import math
 from typing import Any
 
@@ -18,6 +18,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import bytes_per_cell, read, read_parts
 from lava_ros.simulation.cells.cell_size import doublings_of
+from lava_ros.simulation.cells.columns import Columns
 from lava_ros.simulation.cells.covered import Covered
 from lava_ros.simulation.cells.grid import (
     cells_under,
@@ -77,23 +78,6 @@ class _Maps:
 
     def __init__(self, device: Any) -> None:
         self.device, self.launches = device, Launches(device)
-
-
-@dataclass
-class Columns:
-    """Lava on the cells of a grid, float64, shape [rows, columns].
-
-    Attributes:
-        thickness: Thickness of the flowing lava [m].
-        temperature: Its temperature [K].
-        emission_time: Its mean time of emission [s].
-        solidified: Thickness of the solidified lava [m].
-    """
-
-    thickness: np.ndarray
-    temperature: np.ndarray
-    emission_time: np.ndarray
-    solidified: np.ndarray
 
 
 class CellLava:
@@ -451,23 +435,6 @@ class CellLava:
             thickness=own,
             velocity=0.5 * passed * grid.resolution / own[:, None],
         )
-
-
-def mixed(columns: Columns, into: Any) -> Columns:
-    """Return lava on other cells: volume and solidified volume are kept, and the heat with them.
-
-    ``into`` converts a map from the former cells to the new ones, and keeps its sum per area.
-    """
-    thickness = into(columns.thickness)
-    with np.errstate(invalid='ignore', divide='ignore'):
-        temperature, emission_time = (
-            np.where(
-                thickness > 0.0, into(columns.thickness * values) / thickness,
-                values.max(initial=-math.inf),
-            )
-            for values in (columns.temperature, columns.emission_time)
-        )
-    return Columns(thickness, temperature, emission_time, into(columns.solidified))
 
 
 def _fill(array: Any, values: np.ndarray | float) -> None:

@@ -20,9 +20,10 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.batch import current_batch
+from lava_ros.simulation.cells.columns import Columns
 from lava_ros.simulation.cells.grid import deposit
 from lava_ros.simulation.cells.heat import carries_heat
-from lava_ros.simulation.cells.lava import CellLava, Columns, mixed
+from lava_ros.simulation.cells.lava import CellLava
 from lava_ros.simulation.cells.state import (
     CLOCK,
     COUNTS,
@@ -337,7 +338,7 @@ class CellSolver(CellLava):
             raise
         self.volume_before += self.vents.emitted(now)
         self.state.counts.assign(former.counts)
-        moved = mixed(lava, lambda values: averaged(values, grid, self.grid))
+        moved = lava.convert(lambda values: averaged(values, grid, self.grid))
         area, new = grid.resolution**2, self.grid.resolution**2
         left = former.left.numpy() * area
         for before, after in (
