@@ -35,12 +35,13 @@ def warnings_of_moments(run: Sequence[Moment]) -> list[str]:
     elif budgets:
         found += _sentences(*budgets[-1].warnings_at_end())
     last, method = run[-1], method_of(run[-1])
-    names = ('spacing_m', 'flow_width_m', across_key(method))
-    spacing, width, across = (last.number(name) for name in names)
+    numbers = 'spacing_m', 'flow_width_m', across_key(method)
+    spacing, width, across = (last.number(name) for name in numbers)
     resolution = Resolution(
         spacing, math.nan, width, across, math.nan, 'measured', method=method
     )
-    texts = (last.values.get(name, '') for name in ('flow_kind_warnings', 'missed_effects'))
+    names = 'input_warnings', 'flow_kind_warnings', 'missed_effects'
+    texts = (last.values.get(name, '') for name in names)
     return [*found, *_under_resolved(resolution), *_sentences(*texts)]
 
 

@@ -262,9 +262,10 @@ class SceneRun:
         self._note_effects(simulation, snapshot.time)
         is_refined = self.request.simulated is not None
         scene = self.request.scene.at(snapshot.time) if is_refined else simulation.scene
-        missed = {'missed_effects': '; '.join(self.missed)} if self.missed else {}
+        told = {'input_warnings': self.request.remarks, 'missed_effects': self.missed}
+        told = {name: '; '.join(texts) for name, texts in told.items() if texts}
         self.folder.bag.put_snapshot(
-            scene, snapshot, {**resolution_values(self.resolution), **missed}
+            scene, snapshot, {**resolution_values(self.resolution), **told}
         )
 
     def _note_effects(self, simulation: Simulation, time: float) -> None:
