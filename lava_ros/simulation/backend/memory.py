@@ -121,15 +121,6 @@ class ArrayBlock:
         getattr(target, name).data = self._pointers[name]
 
 
-def fill_struct(struct: Any, values: Mapping[str, Any]) -> None:
-    """Set attributes of a Warp struct, without the checks that take most of the time."""
-    target = struct.__ctype__()
-    for name, value in values.items():
-        setattr(target, name, value.__ctype__() if hasattr(value, '__ctype__') else value)
-    # launches need the arrays
-    vars(struct).update(values)
-
-
 @lru_cache(maxsize=64)
 def _places_of(items: tuple[tuple[Any, tuple[int, ...]], ...]) -> tuple[list[int], int]:
     """Return the first piece of each array in a block, and the number of pieces of all."""

@@ -14,7 +14,6 @@ from lava_ros.effects.heat import heat_of
 from lava_ros.effects.laws import law_of
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.memory import fill_struct
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.particles.kernels import smoothing_kernel
 from lava_ros.simulation.particles.layout import arguments_type, flow_constants_of, MAX_SOLVED
@@ -152,7 +151,8 @@ class Stage:
         state, cells = self._state, self._neighbors.cells
         if self._cells is not cells or self._arguments.particle is not state.particle:
             self._cells, self._arguments = cells, arguments_type(state.real)()
-            fill_struct(self._arguments, state.arrays | self._fixed | {'cells': cells})
+            for name, value in (state.arrays | self._fixed | {'cells': cells}).items():
+                setattr(self._arguments, name, value)
         return self._arguments
 
 
