@@ -273,7 +273,7 @@ class CellSolver(CellLava):
 
     def _read(self, report: np.ndarray) -> None:
         """Take clock, counts and thickest lava from a report, and keep it."""
-        self._report = report
+        self._report = report.copy()
         self.clock[:], self.counts[:] = report[CLOCK], report[COUNTS]
         self.thickest = float(report[THICKEST])
 
