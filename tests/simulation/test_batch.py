@@ -20,8 +20,8 @@ from solver import incline, simulated
 SETS = ('everything with green', 'helmholtz', 'inertia', 'merging', 'conduction', 'solidification')
 ENDS = (0.25, 0.5)
 
-#: Sets with heat in the pass of the sums over neighbours: that of a batch has one thread for a
-#: particle, that of a single run has several, and a GPU's compiler rounds the heat differently.
+#: Sets with heat in the pass of the sums over neighbours: on a GPU the temperatures of a batch
+#: differ by rounding, also from a single run with as many threads to a particle.
 ROUNDED = ('everything with green',)
 
 
