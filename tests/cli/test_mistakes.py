@@ -235,6 +235,13 @@ def folder(tmp_path, monkeypatch):
     np.savez('ground.npz', **ground, offset=(365_000.0, 7_650_000.0))
 
 
+def edit(name: str, before: str, after: str) -> None:
+    """Replace a text in a file, which occurs there, or all of it if the text is empty."""
+    text = Path(name).read_text()
+    assert before in text
+    Path(name).write_text(text.replace(before, after, 1) if before else after)
+
+
 def error_of(line: str) -> str:
     """Return the error of a command line, the last line of its output."""
     return refused(*shlex.split(line.replace('BAG', str(ROOT / 'bags/sample')))).splitlines()[-1]
@@ -250,9 +257,7 @@ def test_error_names_field_value_and_remedy(mistake, folder):
 @pytest.mark.parametrize('mistake', EDITS)
 def test_error_of_a_file_names_field_value_and_remedy(mistake, folder):
     name, before, after, *parts = EDITS[mistake]
-    path = Path(name)
-    assert before in path.read_text()
-    path.write_text(path.read_text().replace(before, after, 1) if before else after)
+    edit(name, before, after)
     error = error_of(f'effects scene.yaml {READ.get(name, "")}')
     assert all(part in error for part in parts), error
 
@@ -316,9 +321,7 @@ def test_error_shows_a_number_as_it_was_typed(place, number, folder):
         part.replace('NUMBER', number) for part in NUMBERS[place]
     )
     if name:
-        text = Path(name).read_text()
-        assert before in text
-        Path(name).write_text(text.replace(before, after, 1))
+        edit(name, before, after)
     assert f'{shown}, expected ' in error_of(line or 'run scene.yaml')
 
 

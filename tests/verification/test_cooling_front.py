@@ -28,7 +28,8 @@ reference = load_script(Path(__file__).parents[2] / 'docs/benchmarks/cooling_pla
 #: Upper and lower end of an open slope [m]: lava flows 7 m up and 118 m down from the fissure.
 TOP, BOTTOM = -30.0, 220.0
 
-#: Width of the sheet [m]: what it loses to its sides hardly changes its middle, which is compared.
+#: Width of the sheet [m], so large that losses to the sides hardly change the middle, and half of
+#: the width of the part that is compared.
 WIDTH, HALF = 300.0, 30.0
 
 #: Side of the cells of the finite volumes [m]; on half of it the centre of mass changes by 3e-4.

@@ -223,7 +223,7 @@ def read_parts(maps: Sequence[Any], part: tuple[slice, slice]) -> list[np.ndarra
 def _read(pieces: Sequence[tuple[Any, int, int]]) -> list[np.ndarray]:
     """Copy items of arrays of a GPU, from a number on and as many as another, to the host.
 
-    The GPU copies all to memory that it can write to while the host goes on, which waits once.
+    The GPU copies all of them to page-locked memory, and the host waits once.
     """
     device = pieces[0][0].device
     sizes = [count * type_size_in_bytes(one.dtype) for one, _, count in pieces]

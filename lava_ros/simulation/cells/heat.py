@@ -69,7 +69,7 @@ class HeatState(KernelState):
         self.set_constants(scene, effects)
 
     def set_constants(self, scene: Scene, effects: Effects) -> None:
-        """Take the constants of a scene and of the effects that are on."""
+        """Compute the constants of the kernels for a scene and the effects that are on."""
         lava = scene.lava
         self.law, self.constants = law_values(lava), heat_values(scene, tuple(effects))
         self.diffusivity = 0.0

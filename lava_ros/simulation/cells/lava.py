@@ -62,8 +62,8 @@ from lava_ros.simulation.particles.terrain import known_on
 #: Thickness below which lava does not flow, over the expected thickness of the flow up to 1 m.
 FILM = 1e-6
 
-#: Thickness up to which lava is a rounding error of the fluxes and not on maps, over that of the
-#: thickest lava.
+#: Thickness up to which lava is a rounding error of the fluxes and not on maps, over the mean of a
+#: map: all of it together is at most this fraction of the volume.
 DUST = 1e-9
 
 
@@ -322,7 +322,7 @@ class CellLava:
         thickness, temperature, frozen = read_parts(
             [self.state.thickness, heat.temperature, heat.frozen], self._cells_under(part)
         )
-        _remove_dust(thickness)
+        remove_dust(thickness)
         flowing, solid, warmth = (
             self._on_terrain(values, part)
             for values in (thickness, frozen, thickness * temperature)
@@ -446,9 +446,9 @@ def _fill(array: Any, values: np.ndarray | float) -> None:
         array.assign(np.pad(values, 1, mode='edge').astype(wp.dtype_to_numpy(array.dtype)))
 
 
-def _remove_dust(thickness: np.ndarray) -> None:
+def remove_dust(thickness: np.ndarray) -> None:
     """Set to 0 what rounding errors have left on a map, less than the rounding of the map."""
-    thickness[thickness <= DUST * thickness.max(initial=0.0)] = 0.0
+    thickness[thickness <= DUST * thickness.sum() / max(thickness.size, 1)] = 0.0
 
 
 def _inner(array: Any) -> np.ndarray:

@@ -324,7 +324,7 @@ class CellGroup:
         self._kind, self._device = (effects, is_heated), device
         self._worlds, self._stream = Worlds(rows, device), wp.Stream(device)
         self._steps = 8
-        #: World of each row, number of launches, and former worlds with it when they lost a row.
+        #: World of each row, number of launches, and previous worlds with the number at their end.
         self._kept: list[Any] = [None] * rows
         self._launched, self._former = 0, deque[tuple[int, Any]]()
         self.under_way: dict[int, Iterator[None]] = {}
@@ -333,7 +333,7 @@ class CellGroup:
     def put(self, row: int, world: PackedWorld) -> None:
         """Assign a row to a member."""
         self._worlds.put(row, world)
-        # launches in flight use the arrays of the former one
+        # launches in flight may still use the arrays of the previous world
         self._former.append((self._launched, self._kept[row]))
         self._kept[row] = world
 

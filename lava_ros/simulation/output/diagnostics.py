@@ -158,8 +158,7 @@ def snapshot_of(
     return Snapshot(
         terrain=terrain,
         thickness=grids[0],
-        # cells without lava have no value, whatever the maps of a solver contain there
-        temperature=np.where(grids[0] > 0.0, grids[1], np.float32(np.nan)),
+        temperature=grids[1],
         frozen=grids[2] if len(grids) > 2 else None,
         arrived=arrived,
         half_inundated=half_inundated,

@@ -100,7 +100,7 @@ def launched(name, is_short=False, is_fused=False):
         patch.setattr(State, 'is_short', is_short)
         patch.setattr(fused_stage, 'is_within_the_motion', lambda *_, **__: is_fused)
         if is_short and not is_fused:
-            # the registers that threads of particles have beside the first block
+            # a fused kernel has the same registers for the threads of particles
             patch.setattr(fused_stage, 'StageChoice', partial(StageChoice, bounds=FEW_THREADS))
         patch.setattr(State, 'is_wide', False)
         simulation = lava_field(400, effect_sets()[name], 'cpu')
