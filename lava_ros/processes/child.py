@@ -68,6 +68,8 @@ class Child:
                 )
                 self.pid = self.process.pid
                 self._finalizer = weakref.finalize(self, _end, self.process)
+                # a thread that waits for it would report an error while this process exits
+                self._finalizer.atexit = False
         except OSError as error:
             problem = f'A child process cannot be started: {error}'
             remedy = 'Check the memory and the limits of processes and open files'

@@ -3,6 +3,7 @@
 
 """Programs with child processes: each prints their IDs at some moment, and waits to be ended."""
 
+import atexit
 from functools import partial
 import os
 from pathlib import Path
@@ -90,6 +91,8 @@ OWNERS = {
 
 def main(name, then):
     """Start the processes, print their IDs, and wait or return."""
+    # ends last, so that the other threads run on while this one ends
+    atexit.register(time.sleep, 0.2)
     kept = OWNERS[name]()
     print(*kept[1], flush=True)
     if then == 'waits':
