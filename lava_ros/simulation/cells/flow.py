@@ -61,7 +61,7 @@ def face_law(effects: Effects) -> Any:
     """Return the device function of the speed at a face, None if lava is Newtonian.
 
     Of weight [N/m3], thickness [m], gradients of surface and ground along and across the flux, the
-    fluidity [1/(Pa s)] and the yield strength [Pa] it returns the mobility on the map, u / |grad
+    viscosity [Pa s] and the yield strength [Pa] it returns the mobility on the map, u / |grad
     S|, and its bound (``laws.speed_function``) [m/s].
     """
     real = wp.float32
@@ -87,10 +87,10 @@ def face_law(effects: Effects) -> Any:
     @wp.func
     def at_face(
         law: FaceLaw, weight: real, height: real, surface_x: real, surface_y: real,
-        ground_x: real, ground_y: real, fluidity: real, strength: real,
+        ground_x: real, ground_y: real, viscosity: real, strength: real,
     ) -> vec2:
         own = law
-        own.viscosity = real(1.0) / wp.max(fluidity, real(1e-30))
+        own.viscosity = viscosity
         own.strength = strength
         surface = vec2(surface_x, surface_y)
         column = column_struct()

@@ -12,11 +12,11 @@ NEWTONIAN_FACE = """
     };
 """
 
-#: The same by a law: its fluidity [1/(Pa s)] and yield strength [Pa].
+#: The same by a law: its viscosity [Pa s] and yield strength [Pa].
 LAW_FACE = """
     auto face_of = [&](long p, long q, const float*, float* mobility, float* held) {
         const float a = y[p], b = y[q], inverse = 1.0f / (a + b + 1e-30f);
-        mobility[p] = (a * fluidity[p] + b * fluidity[q]) * inverse;
+        mobility[p] = 1.0f / larger((a * fluidity[p] + b * fluidity[q]) * inverse, 1e-30f);
         held[p] = (a * strength[p] + b * strength[q]) * inverse;
     };
 """
@@ -25,16 +25,12 @@ LAW_FACE = """
 NEWTONIAN = """
     auto flux_of = [&](long p, long q, long, float drop, const float*, const float*,
                        float mobility, float) {
-        float a = y[p], b = y[q];
+        const float a = above_film(y[p]), b = above_film(y[q]);
         Flux f;
-        f.fall = a - b + drop;
-        a = a > film ? a : 0.0f;
-        b = b > film ? b : 0.0f;
-        f.sum = a + b;
-        f.rate = mobility * f.sum * (a * a + b * b);
+        f.fall = y[p] - y[q] + drop;
+        f.rate = mobility * (a + b) * (a * a + b * b);
         f.stiff = stiffened(f.rate, f.fall, a, b);
-        f.max_flux = max_rate * a;
-        f.min_flux = -max_rate * b;
+        f.limited = limited(f.rate * f.fall, a, b);
         return f;
     };
 """
@@ -48,25 +44,21 @@ BY_LAW = """
     };
     auto flux_of = [&](long p, long q, long side, float drop, const float* cross,
                        const float* beside, float mobility, float held) {
-        float a = y[p], b = y[q];
+        const float a = above_film(y[p]), b = above_film(y[q]), sum = a + b;
         Flux f;
-        f.fall = a - b + drop;
-        a = a > film ? a : 0.0f;
-        b = b > film ? b : 0.0f;
-        f.sum = a + b;
+        f.fall = y[p] - y[q] + drop;
         const float across = -0.25f * per_cell * (
             fall_of(p - side, p, beside) + fall_of(p, p + side, beside)
             + fall_of(q - side, q, beside) + fall_of(q, q + side, beside));
-        const float inverse = 1.0f / (f.sum + 1e-30f);
+        const float inverse = 1.0f / (sum + 1e-30f);
         const auto speed = LAW(
-            s.law, s.weight, 0.5f * f.sum, -f.fall * per_cell, across, -drop * per_cell, cross[p],
+            s.law, s.weight, 0.5f * sum, -f.fall * per_cell, across, -drop * per_cell, cross[p],
             mobility, held);
         // mean of h^3 over the cube of the mean
         const float mean = per_cell * per_cell * (a * a + b * b) * inverse;
-        f.rate = f.sum > 0.0f ? mean * speed[0] : 0.0f;
-        f.stiff = stiffened(f.sum > 0.0f ? mean * speed[1] : 0.0f, f.fall, a, b);
-        f.max_flux = max_rate * a;
-        f.min_flux = -max_rate * b;
+        f.rate = sum > 0.0f ? mean * speed[0] : 0.0f;
+        f.stiff = stiffened(sum > 0.0f ? mean * speed[1] : 0.0f, f.fall, a, b);
+        f.limited = limited(f.rate * f.fall, a, b);
         return f;
     };
 """
@@ -77,7 +69,7 @@ STEP = """
     const long top = box[0], bottom = box[1], left = box[2], right = box[3];
     SHARED
     COLUMNS
-    struct Flux { float fall, sum, rate, stiff, max_flux, min_flux; };
+    struct Flux { float fall, rate, stiff, limited; };
     const long w = s.stride, last_row = s.rows - 2, last_column = s.stride - 2;
     float* APART y = s.stage.data;
     double* APART h = s.thickness.data;
@@ -142,6 +134,11 @@ STEP = """
         return rate * larger(part, 1.0f);
     };
     float max_rate = 0.0f;
+    // lava that flows, and what may pass a face from a cell of a to one of b
+    auto above_film = [&](float a) { return a > film ? a : 0.0f; };
+    auto limited = [&](float amount, float a, float b) {
+        return larger(smaller(amount, max_rate * a), -max_rate * b);
+    };
     FLUX
     // nothing passes the faces at the ends of the spans, to which no stage writes
     for (long i = first_for_warp(top); i <= last_of(bottom); i += warps) {
@@ -172,7 +169,7 @@ STEP = """
                 axis ? drop_y : drop_x, axis ? drop_x : drop_y, axis ? side_y : side_x);
         }
     };
-    // stiffness, and then largest displacement a second, at the start of the step
+    // fluxes and stiffness, and then largest displacement a second, at the start of the step
     int stiff = 0, pace = 0;
     for (long i = first_of(top); i <= last_of(bottom); i += lines)
         faces_of(i, [&](int axis, long from, long to, long next, long side,
@@ -180,12 +177,14 @@ STEP = """
                         const float* APART factor) {
             float* APART mobility = axis ? mobility_y : mobility_x;
             float* APART held = axis ? held_y : held_x;
+            float* APART first = axis ? first_y : first_x;
             for (long p = from; p <= to; p += lanes) face_of(p, p + next, factor, mobility, held);
             int highest = 0;
             WHOLE_ROWS
             for (long p = from; p <= to; p += lanes) {
                 const Flux f = flux_of(
                     p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
+                first[p] = f.rate * f.fall;
                 const int one = bits(f.stiff);
                 highest = one > highest ? one : highest;
             }
@@ -197,21 +196,18 @@ STEP = """
     max_rate = __builtin_bit_cast(float, raised(slots + STIFF));
     const bool is_open = !raised(slots + CLOSED);
     for (long i = first_of(top); i <= last_of(bottom); i += lines)
-        faces_of(i, [&](int axis, long from, long to, long next, long side,
-                        const float* APART drop, const float* APART beside,
-                        const float* APART factor) {
-            const float* APART mobility = axis ? mobility_y : mobility_x;
-            const float* APART held = axis ? held_y : held_x;
+        faces_of(i, [&](int axis, long from, long to, long next, long,
+                        const float* APART drop, const float*, const float*) {
             float* APART first = axis ? first_y : first_x;
             int highest = 0;
             WHOLE_ROWS
             for (long p = from; p <= to; p += lanes) {
-                const Flux f = flux_of(
-                    p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
-                const float amount = larger(smaller(f.rate * f.fall, f.max_flux), f.min_flux);
+                const float fall = y[p] - y[p + next] + drop[p];
+                const float a = above_film(y[p]), b = above_film(y[p + next]);
+                const float amount = limited(first[p], a, b);
                 first[p] = amount;
-                const float part = 2.0f / (f.sum + 1000.0f * film);
-                const float steep = part * (f.fall < 0.0f ? -f.fall : f.fall);
+                const float part = 2.0f / (a + b + 1000.0f * film);
+                const float steep = part * (fall < 0.0f ? -fall : fall);
                 const float faster = 1.0f + smaller(steep, STEEPEST);
                 const int one = bits((amount < 0.0f ? -amount : amount) * part * faster);
                 highest = one > highest ? one : highest;
@@ -315,8 +311,7 @@ STEP = """
                 for (long p = from; p <= to; p += lanes) {
                     const Flux f = flux_of(
                         p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
-                    const float amount = larger(smaller(f.rate * f.fall, f.max_flux), f.min_flux);
-                    older[p] = m * newer[p] + v * older[p] + t * amount + t0 * first[p];
+                    older[p] = m * newer[p] + v * older[p] + t * f.limited + t0 * first[p];
                 }
             });
             if (is_serial && i >= top + LAG) update(i - LAG);
