@@ -17,7 +17,7 @@ from worker_bench import TERRAIN
 )
 def test_time_follows_steps_of_the_clock(bench, step):
     bench.run(bench.worker.set_terrain(TERRAIN))
-    scale = bench.worker.time_scale
+    scale = bench.worker.pace.time_scale
     for count in range(1, 6):
         set_clock(bench, bench.now + step)
         bench.wait(lambda: bench.simulation.time == pytest.approx(count * step * scale))  # noqa: B023
@@ -56,7 +56,7 @@ def test_snapshot_shows_the_time_of_the_clock(bench, step):
 def test_jumps_of_the_clock_are_counted_but_not_followed(bench, jump):
     bench.now = 1e7
     bench.run(bench.worker.set_terrain(TERRAIN))
-    scale = bench.worker.time_scale
+    scale = bench.worker.pace.time_scale
     bench.go_on(0.5, scale)
     set_clock(bench, bench.now + jump)
     bench.wait(lambda: bench.worker.status.jumps == 1)
