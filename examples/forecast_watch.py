@@ -79,8 +79,7 @@ class ForecastWatch(DiagnosticsWatch):
         ``lava`` is bool, shape [rows, columns]; every cell counts as observed.
         """
         header = codec.header(_FRAME, stamp_ns)
-        info, cells = codec.map_metadata(terrain, header.stamp), np.where(lava, 100, 0)
-        self._outline.publish(codec.occupancy_grid(cells.astype(np.int8), info, header))
+        self._outline.publish(codec.occupancy_grid(np.where(lava, 100, 0), terrain, header))
         return time.monotonic()
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:

@@ -98,7 +98,7 @@ class SceneMessages:
     def update(
         self, scene: Scene, time: float, header: Header, *, ground: Terrain | None = None
     ) -> dict[str, Any]:
-        """Make the messages that have changed since the last call (``maps.messages``).
+        """Make the messages that have changed since the last call (``layers.messages``).
 
         New ground also has a message on ``/tf_static``, if there is a transform.
         """
