@@ -119,15 +119,12 @@ def click(x, y, frame_id='map'):
     return message
 
 
-def outline(reach=100.0, late=0.0, frame_id='map', **changes):
-    """Return observed lava down to a distance from the vent, stamped ``late`` [s] after now."""
+def outline(late=0.0):
+    """Return observed lava down to 100 m from the vent, stamped ``late`` [s] after now."""
     y, x = (np.mgrid[0:ROWS, 0:COLUMNS] + 0.5) * RESOLUTION
-    lava = (np.abs(y - 155.0) < 25.0) & (x > 45.0) & (x < 60.0 + reach)
-    header = codec.header(frame_id, time.time_ns() + int(late * 1e9))
-    ground = Terrain(np.zeros(lava.shape), RESOLUTION)
-    grid = codec.occupancy_grid(np.where(lava, 100, 0), ground, header)
-    grid.info = info(**changes)
-    return grid
+    lava = (np.abs(y - 155.0) < 25.0) & (x > 45.0) & (x < 160.0)
+    header = codec.header('map', time.time_ns() + int(late * 1e9))
+    return codec.occupancy_grid(np.where(lava, 100, 0), Terrain(lava, RESOLUTION), header)
 
 
 def georeference(system='EPSG:32633', x=499000.0, y=4180000.0, stamp_ns=0, frame_id='map'):
