@@ -14,6 +14,7 @@ import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from lava_ros.clients.monitor import DiagnosticsWatch
+from lava_ros.layers.messages import vent_rows
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.executor import now_ns
 from lava_ros.scene import Terrain, Vent
@@ -63,7 +64,7 @@ class ForecastWatch(DiagnosticsWatch):
 
     def open_vents(self, vents: Sequence[Vent], terrain: Terrain) -> float:
         """Publish vents, and return the monotonic time [s]."""
-        rows, header = outputs.vent_rows(vents, 0.0), codec.header(_FRAME, now_ns(self._node))
+        rows, header = vent_rows(vents, 0.0), codec.header(_FRAME, now_ns(self._node))
         self._vents.publish(outputs.vents_message(rows, terrain, header))
         return time.monotonic()
 
@@ -79,8 +80,7 @@ class ForecastWatch(DiagnosticsWatch):
         ``lava`` is bool, shape [rows, columns]; every cell counts as observed.
         """
         header = codec.header(_FRAME, stamp_ns)
-        info, cells = codec.map_metadata(terrain, header.stamp), np.where(lava, 100, 0)
-        self._outline.publish(codec.occupancy_grid(cells.astype(np.int8), info, header))
+        self._outline.publish(codec.occupancy_grid(np.where(lava, 100, 0), terrain, header))
         return time.monotonic()
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:

@@ -63,8 +63,8 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 @pytest.fixture(scope='session', autouse=True)
-def declared_writes() -> None:
-    """Check that kernels write only what they declare, whenever a test builds one."""
+def listed_writes() -> None:
+    """Check that kernels write only what docs/kernels.md lists, whenever a test builds one."""
     compiled = sys.modules.get('lava_ros.simulation.backend.compiled')
     if compiled is not None:
         script = load_script(Path(__file__).parents[1] / 'docs/kernels.py')

@@ -20,6 +20,7 @@ from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.files.resources import share_path
 from lava_ros.layers.layer import ZERO_CELSIUS
 from lava_ros.layers.layer_files import layers_from_dict, load_layers
+from lava_ros.layers.messages import vent_rows
 from lava_ros.ros import codec, outputs
 from lava_ros.scene import Lava, Scene, scene_to_dict, Terrain, Vent
 from lava_ros.simulation.output.budget import VolumeBudget
@@ -112,7 +113,7 @@ def record(
     image, info = outputs.terrain_messages(terrain, codec.header('map', START)).values()
     write('terrain', 'sensor_msgs/msg/Image', image, START)
     write('terrain_info', 'nav_msgs/msg/MapMetaData', info, START)
-    rows = outputs.vent_rows(scene.vents, 0.0)
+    rows = vent_rows(scene.vents, 0.0)
     cloud = outputs.vents_message(rows, terrain, codec.header('map', START))
     write('vents', 'sensor_msgs/msg/PointCloud2', cloud, START)
     for index, time in enumerate(times):

@@ -13,6 +13,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from lava_ros.bag.georeference import TOPIC
+from lava_ros.layers.messages import vent_rows
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.executor import now_ns
 from lava_ros.ros.georeference import georeference_message, static_transform, TF_STATIC
@@ -99,7 +100,7 @@ class SceneFeed(Node):
             self._publish_terrain()
 
     def _publish_vents(self) -> None:
-        terrain, rows = self._scene.terrain, outputs.vent_rows(self._scene.vents, self._time)
+        terrain, rows = self._scene.terrain, vent_rows(self._scene.vents, self._time)
         if rows != self._sent:
             self._vents.publish(outputs.vents_message(rows, terrain, self._header()))
             self._sent = rows

@@ -57,10 +57,12 @@ class CommandQueue:
         with self._changed:
             return tuple(dict.fromkeys(item.kind or 'command' for item in self._waiting.values()))
 
-    def submit(self, action: Callable[[], ResultT], kind: str = '') -> 'Future[ResultT]':
+    def submit(
+        self, action: Callable[..., ResultT], kind: str = '', *, item: Any = None
+    ) -> 'Future[ResultT]':
         """Add an action as a command, and return the future of its result."""
         future: Future[ResultT] = Future()
-        self.put(Command(action, future, kind))
+        self.put(Command(action, future, kind, item))
         return future
 
     def put(self, command: Command) -> None:
@@ -80,8 +82,10 @@ class CommandQueue:
         if refusal is not None:
             finish(command.future, refusal)
 
-    def get(self, timeout: float | None = None) -> Command:
-        """Remove and return the oldest command, waiting up to ``timeout`` [s] (None: for ever).
+    def get(self, timeout: float | None = None) -> list[Command]:
+        """Remove and return the oldest command, and those after it that run together with it.
+
+        Waits up to ``timeout`` [s] for a command (None: for ever).
 
         Raises:
             queue.Empty: If no command arrives in time, or the queue is closed.
@@ -90,17 +94,14 @@ class CommandQueue:
             self._changed.wait_for(lambda: self._waiting or self._closed, timeout)
             if not self._waiting:
                 raise queue.Empty
-            return self._waiting.pop(next(iter(self._waiting)))
-
-    def get_more(self, first: Command) -> list[Command]:
-        """Remove and return the oldest commands that can run together with another one."""
-        more: list[Command] = []
-        with self._changed:
-            for place, command in list(self._waiting.items()):
-                if first.item is None or command.item is None or command.action != first.action:
+            first = self._waiting.pop(next(iter(self._waiting)))
+            commands = [first]
+            while first.item is not None and self._waiting:
+                place, command = next(iter(self._waiting.items()))
+                if command.item is None or command.action != first.action:
                     break
-                more.append(self._waiting.pop(place))
-        return more
+                commands.append(self._waiting.pop(place))
+            return commands
 
     def close(self, reason: LavaError) -> None:
         """Refuse all waiting and later commands with the error ``reason``."""

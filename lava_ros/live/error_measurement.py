@@ -5,12 +5,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-import threading
 import time
 
 from lava_ros.bag.description import is_on
 from lava_ros.effects import EFFECTS, Effects
-from lava_ros.errors import Guard, RefusalError
+from lava_ros.errors import RefusalError
+from lava_ros.live.process_thread import ProcessThread
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.processes.requests import ChildProcess
@@ -33,7 +33,7 @@ def partner_process() -> ChildProcess:
 
 
 @dataclass(eq=False)
-class ErrorMeasurement:
+class ErrorMeasurement(ProcessThread):
     """Measures the error after the first minute, again when time has tripled, and at the end.
 
     The partner runs repeat the run from its start with its vents. After a change of the ground
@@ -51,25 +51,12 @@ class ErrorMeasurement:
 
     def __post_init__(self) -> None:
         """Prepare the thread; ``start`` runs it."""
+        super().__init__('lava error', 'the numerical error')
         self.latest: NumericalError | None = None
         self.failure = ''
         self._starts, self._begun = -1, 0.0
-        self._process: ChildProcess | None = None
         # simulated time of the measurement in progress, or of the last one that failed
         self._asked = 0.0
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='lava error', daemon=True)
-
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
-
-    def stop(self, timeout: float | None = None) -> bool:
-        """End the thread and the process; return True if both ended within ``timeout`` [s]."""
-        self._stopping.set()
-        if self._thread.ident is not None:
-            self._thread.join(timeout)
-        return not self._thread.is_alive()
 
     def text(self) -> str:
         """Return the error and its simulated time, or why it is not yet measured."""
@@ -80,12 +67,6 @@ class ErrorMeasurement:
         if self.worker.view.repeatable is None and self.worker.view.starts:
             reason = 'the ground has changed under lava'
         return f'{text}: {reason}' if reason else text
-
-    def _run(self) -> None:
-        guard = Guard('thread of the numerical error', ChildProcessError)
-        while not self._stopping.is_set():
-            guard.run(self._step, self._fail)
-        guard.run(self._end_process)
 
     def _step(self) -> None:
         view = self.worker.view
@@ -150,8 +131,3 @@ class ErrorMeasurement:
     def _fail(self, error: Exception) -> None:
         self.failure = str(error)
         self._end_process()
-
-    def _end_process(self) -> None:
-        process, self._process = self._process, None
-        if process is not None:
-            process.end()

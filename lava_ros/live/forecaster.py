@@ -9,17 +9,13 @@ from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import suppress
 from dataclasses import dataclass, replace
 import math
-import threading
 import time
 from typing import Any
 
-from lava_ros.errors import Guard, LavaError, RefusalError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.layers.forecast import EnsembleForecast, Forecast
-from lava_ros.live.ensemble_forecasts import (
-    EnsembleForecasts,
-    ForecastRules,
-    ForecastStatus,
-)
+from lava_ros.live.ensemble_forecasts import EnsembleForecasts, ForecastRules, ForecastStatus
+from lava_ros.live.process_thread import ProcessThread
 from lava_ros.live.session import Fork
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
@@ -77,7 +73,7 @@ def start_process() -> ChildProcess:
 
 
 @dataclass(eq=False)
-class Forecaster:
+class Forecaster(ProcessThread):
     """Repeatedly computes a forecast from the newest state, in a separate process.
 
     When the scene or the effects change, a forecast in progress is dropped and a new one starts. A
@@ -96,8 +92,8 @@ class Forecaster:
 
     def __post_init__(self) -> None:
         """Prepare the thread; ``start`` runs it."""
+        super().__init__('lava forecasts', 'the forecasts')
         self.ensembles = EnsembleForecasts()
-        self._process: ChildProcess | None = None
         self.latest: Forecast | None = None
         self.status = ForecastStatus()
         self._duty_cycle = DutyCycle()
@@ -108,8 +104,6 @@ class Forecaster:
         # the fork from which the forecast in progress started
         self._current_fork: Fork | None = None
         self._due = self._due_after_change = 0.0
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
 
     def age(self, forecast: Forecast | EnsembleForecast | None) -> float:
         """Return the simulated time since the start of a forecast or ensemble [s], 0 for None.
@@ -133,26 +127,9 @@ class Forecaster:
         text = f'it is {age:.0f} s old, and valid for at most {max_age:.0f} s'
         return text if age > max_age else ''
 
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
-
     def want(self, is_wanted: bool) -> None:
         """Start or stop making forecasts."""
         self.is_wanted = is_wanted
-
-    def stop(self, timeout: float | None = None) -> bool:
-        """End the thread and the process; return True if both ended within ``timeout`` [s]."""
-        self._stopping.set()
-        if self._thread.ident is not None:
-            self._thread.join(timeout)
-        return not self._thread.is_alive()
-
-    def _run(self) -> None:
-        guard = Guard('thread of the forecasts', ChildProcessError)
-        while not self._stopping.is_set():
-            guard.run(self._step, self._fail)
-        guard.run(self._end_process)
 
     def _step(self) -> None:
         """Begin a forecast that is due, forward outlines, and process one reply."""
@@ -221,11 +198,6 @@ class Forecaster:
         self._due = self._due_after_change = time.monotonic() + rest
         self._cancel(reason)
         self._end_process()
-
-    def _end_process(self) -> None:
-        process, self._process = self._process, None
-        if process is not None:
-            process.end()
 
     def _begin(self) -> None:
         """Fork the simulation and request a forecast from the copy."""

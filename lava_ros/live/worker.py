@@ -6,7 +6,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, InitVar, replace
 from functools import partial
 import queue
 import threading
@@ -17,7 +17,7 @@ from lava_ros.errors import Guard, LavaError, RefusalError
 from lava_ros.live.catch_up import Published
 from lava_ros.live.commands import Command, command, CommandQueue, finish
 from lava_ros.live.failures import failure_text, SimulationError
-from lava_ros.live.pace import Pace, ROUNDING
+from lava_ros.live.pace import Pace
 from lava_ros.live.session import Fork, Origin, SessionView, SimulationSession
 from lava_ros.live.worker_status import MAX_TASK_DURATION, WorkerState, WorkerStatus
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
@@ -57,11 +57,9 @@ _STOPPED = RefusalError('simulation', 'The simulation has stopped', 'Start a new
 class SimulationWorker:
     """Runs a simulation that follows a clock, in a separate thread.
 
-    Simulated time advances by ``time_scale`` times the steps of the clock, up to ``MAX_LAG`` each.
-    Time steps have their natural length: one begins when it ends at or before the time of the
-    clock. Only changes of vents, terrain and effects, a pause, ``step`` and the end time shorten
-    a step. A simulation that cannot keep up lags by at most ``MAX_LAG`` and a time step; time
-    beyond that is lost. The lag of a resumed simulation (``resume_with``) is not lost.
+    Time steps have their natural length: one begins when it ends at or before the simulated time
+    that the clock requires (``Pace``). Only changes of vents, terrain and effects, a pause,
+    ``step`` and the end time shorten a step.
 
     A ``command`` returns immediately with a future. A refused one sets a LavaError in its future
     and changes nothing. A command that replaces all of its kind (vents, terrain, a parameter)
@@ -78,21 +76,22 @@ class SimulationWorker:
     make_simulation: Callable[[Scene], 'Simulation']
     clock: Callable[[], float]
     constants: Mapping[str, Any] | None = None
-    time_scale: float = 1.0
-    end_time: float | None = None
-    paused: bool = False
+    time_scale: InitVar[float] = 1.0
+    end_time: InitVar[float | None] = None
+    paused: InitVar[bool] = False
     max_particles: int = MAX_PARTICLES
     on_snapshot: Callable[[], None] = lambda: None
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, time_scale: float, end_time: float | None, paused: bool) -> None:
         """Prepare the thread; ``start`` runs it."""
         self._waiting_vents: tuple[tuple[Vent, ...], Future[None]] | None = None
         self._finisher = ThreadPoolExecutor(1, thread_name_prefix='lava snapshots')
         self._finishing: Future[None] | None = None
-        self._status = WorkerStatus(WorkerState.WAITING, '', 0.0, 0.0, False, '')
+        self._status = WorkerStatus(WorkerState.WAITING)
         self.session = SimulationSession(self._make, constants=self.constants)
-        self.pace = Pace(self.clock, self.session, self.time_scale)
-        self._error = ''
+        self.pace = Pace(
+            self.clock, self.session, time_scale, end_time=end_time, is_paused=paused
+        )
         self._is_stopping = False
         self._threads_guard = Guard('simulation thread', SimulationError)
         self._updated = 0.0
@@ -126,7 +125,8 @@ class SimulationWorker:
         )
         is_timed = status.state in (WorkerState.RUNNING, WorkerState.STARTING)
         if is_timed and now - self._updated > MAX_TASK_DURATION:
-            status = replace(status, age=status.age + self.pace.clock.unread * self.pace.scale)
+            unread = self.pace.clock.unread * self.pace.time_scale
+            status = replace(status, age=status.age + unread)
         has_begun, is_alive = self._thread.ident is not None, self._thread.is_alive()
         if has_begun and not is_alive and status.state is not WorkerState.STOPPED:
             error = 'the thread of the simulation has ended'
@@ -173,7 +173,7 @@ class SimulationWorker:
         self.session.resume_with(make_simulation(), scene, origin, before)
         self.pace.resume_from(published)
         reached = published.time if published is not None else 0.0
-        reached = min(reached, self.end_time or reached)
+        reached = min(reached, self.pace.end_time or reached)
         end = time.monotonic() + MAX_CATCH_UP
         while self.session.time < reached and time.monotonic() < end and not self._is_stopping:
             self._advance_session(reached)
@@ -189,7 +189,7 @@ class SimulationWorker:
         begun = time.monotonic()
         checkpoint = self.session.checkpoint()
         # the state belongs to an earlier time of the clock
-        clock = self.clock() - self.pace.age / self.pace.scale
+        clock = self.clock() - self.pace.age / self.pace.time_scale
         return Fork(checkpoint, self.session.view.changes, clock, time.monotonic() - begun)
 
     @command('terrain')
@@ -231,9 +231,7 @@ class SimulationWorker:
 
         Vents of commands that follow each other are added together.
         """
-        future: Future[None] = Future()
-        self.commands.put(Command(self._add_vents, future, '', vent))
-        return future
+        return self.commands.submit(self._add_vents, item=vent)
 
     def _add_vents(self, commands: list[Command]) -> None:
         """Add the vents of commands as one change, and refuse those that cannot be added."""
@@ -256,25 +254,18 @@ class SimulationWorker:
         self._show()
 
     def set(self, name: str, value: float | None) -> 'Future[None]':
-        """Change the attribute ``time_scale``, ``end_time`` or ``max_particles``."""
-
-        def set_attribute() -> None:
-            if name == 'time_scale':
-                self.pace.rescale(float(value or 0.0))
-            setattr(self, name, value)
-
-        return self.commands.submit(set_attribute, name)
+        """Change ``time_scale``, ``end_time`` or ``max_particles``."""
+        owner = self if name == 'max_particles' else self.pace
+        return self.commands.submit(partial(setattr, owner, name, value), name)
 
     @command('pause')
     def pause(self, paused: bool) -> None:
         """Hold simulated time, or let it continue."""
         pace, now = self.pace, self.session.time
-        if paused and not self.paused:
-            if now < pace.target <= now + self.session.view.step:
-                self._advance_session(pace.target)
-            pace.give_up(self.session.time)
-        pace.end_step()
-        self.paused = paused
+        is_new = paused and not pace.is_paused
+        if is_new and now < pace.target <= now + self.session.view.step:
+            self._advance_session(pace.target)
+        pace.pause(paused)
 
     @command('reset')
     def reset(self) -> None:
@@ -284,7 +275,7 @@ class SimulationWorker:
     @command('step')
     def step(self, duration: float) -> None:
         """Advance a paused simulation by a duration [s]."""
-        if self.session.simulation is None or not self.paused:
+        if self.session.simulation is None or not self.pace.is_paused:
             problem = f'The simulation is {self._status.state.value}'
             raise RefusalError('step', problem, 'Pause it first')
         self.pace.step_target = self.session.time + duration
@@ -322,7 +313,7 @@ class SimulationWorker:
     def _run_commands(self) -> None:
         time.sleep(max(0.0, self._last_round + ROUND_WALL_TIME - time.monotonic()))
         is_due = self.pace.target > self.pace.followed
-        wait = (0.0 if is_due else IDLE_WALL_TIME) if self._is_moving() else None
+        wait = (0.0 if is_due else IDLE_WALL_TIME) if self.pace.is_moving else None
         with suppress(queue.Empty):
             first = self.commands.get(wait)
             self._last_round = begun = time.monotonic()
@@ -333,44 +324,45 @@ class SimulationWorker:
                     return
                 self._execute(self.commands.get(0.0))
 
-    def _execute(self, command: Command) -> None:
-        commands, starts = [command], self.session.view.starts
-        action = command.action
-        if command.item is not None:
-            commands += self.commands.get_more(command)
-            action = partial(action, commands)
-        self._task = command.kind or 'a command', time.monotonic()
+    def _execute(self, commands: list[Command]) -> None:
+        """Execute a command, or several that run together."""
+        first, starts = commands[0], self.session.view.starts
+        action = first.action if first.item is None else partial(first.action, commands)
+        self._task = first.kind or 'a command', time.monotonic()
         try:
             result, error = action(), None
             if self.session.view.starts != starts:
-                self._note_start()
+                self._status = replace(self._status, error='')
+                self.pace.restart()
+                self._show()
         except Exception as raised:
             result, error = None, raised
             if not isinstance(error, LavaError) or isinstance(error, MemoryError):
                 self._fail(error)
+        self._task = '', 0.0
+        # the status follows the command before the caller can read it
+        self._guard(self._update_status)
         for future in (item.future for item in commands):
             # vents that wait for a terrain are not complete yet
             is_waiting = self._waiting_vents is not None and self._waiting_vents[1] is future
             if not (future.done() or (is_waiting and error is None)):
                 finish(future, error, result=result)
-        self._task = '', 0.0
-        self._guard(self._update_status)
 
     def _guard(self, action: Callable[[], None]) -> None:
         """Run an action of the simulation, which fails with any exception."""
         self._threads_guard.run(action, self._fail)
 
     def _fail(self, error: Exception) -> None:
-        self._error = failure_text(error, self.session.latest)
+        text = failure_text(error, self.session.latest)
         self.session.fail()
         self.pace.step_target = None
-        self._status = replace(self._status, state=WorkerState.FAILED, error=self._error)
+        self._status = replace(self._status, state=WorkerState.FAILED, error=text)
 
     def _advance(self) -> None:
-        if not self._is_moving():
-            return
         pace, before = self.pace, self.session.time
-        pace.move(self.end_time)
+        if not pace.is_moving:
+            return
+        pace.move()
         self._slice = 0.0
         if pace.target > before:
             begun = time.monotonic()
@@ -392,27 +384,19 @@ class SimulationWorker:
             until,
             wall_limit=SLICE_WALL_TIME,
             max_particles=self.max_particles,
-            limit=self.end_time if whole_steps else None,
+            limit=self.pace.end_time if whole_steps else None,
             whole_steps=whole_steps,
         )
 
-    def _is_moving(self) -> bool:
-        if self.session.simulation is None or self._is_finished():
-            return False
-        return not self.paused or self.pace.step_target is not None
-
-    def _is_finished(self) -> bool:
-        return self.end_time is not None and self.session.time >= self.end_time
-
     def _update_status(self) -> None:
-        pace, old = self.pace, self._status.state
-        if self._error:
+        pace, old, error = self.pace, self._status.state, self._status.error
+        if error:
             state = WorkerState.FAILED
         elif self.session.simulation is None:
             state = WorkerState.WAITING
-        elif self._is_finished():
+        elif pace.is_finished:
             state = WorkerState.FINISHED
-        elif self.paused:
+        elif pace.is_paused:
             state = WorkerState.PAUSED
         else:
             state = WorkerState.RUNNING
@@ -421,25 +405,14 @@ class SimulationWorker:
         if state is not WorkerState.RUNNING and pace.step_target is None:
             pace.speed.clear()
         # At rest, update the snapshot before the status reports the state.
-        is_new = not self._is_moving() and self._is_snapshot_new()
-        lag, clock = pace.lag, pace.clock
-        is_running, self._updated = state is WorkerState.RUNNING, time.monotonic()
+        is_new = not pace.is_moving and self._is_snapshot_new()
+        self._updated = time.monotonic()
         self._status = WorkerStatus(
             state=state,
-            error=self._error,
-            speed=pace.speed.value,
-            mean_speed=pace.speed.mean,
-            is_behind=is_running and lag > ROUNDING,
+            error=error,
             device=self.session.view.device,
-            lag=max(0.0, lag),
-            lost=clock.lost,
-            jump=clock.jump,
-            jumps=clock.jumps,
-            time=self.session.time,
-            age=pace.age if is_running else 0.0,
-            max_age=pace.max_age,
-            is_catching_up=is_running and pace.is_catching_up,
-            task_duration=self._slice if self._is_moving() else 0.0,
+            task_duration=self._slice if pace.is_moving else 0.0,
+            **pace.report(is_running=state is WorkerState.RUNNING),
         )
         if is_new:
             self._report_snapshot()
@@ -475,8 +448,3 @@ class SimulationWorker:
     def _make(self, scene: Scene) -> 'Simulation':
         self._status = replace(self._status, state=WorkerState.STARTING)
         return self.make_simulation(scene)
-
-    def _note_start(self) -> None:
-        self._error = ''
-        self.pace.restart()
-        self._show()

@@ -11,6 +11,9 @@ import time
 #: A step or command at or above this wall time is reported as a delay [s]: ten slices.
 MAX_TASK_DURATION = 1.0
 
+#: Lag at or below which simulated time has reached the clock [s].
+ROUNDING = 1e-3
+
 
 class WorkerState(Enum):
     """State of the worker."""
@@ -33,7 +36,6 @@ class WorkerStatus:
         error: Reason of the failure, empty unless the state is FAILED.
         speed: Simulated time per wall time over the last seconds.
         mean_speed: Simulated time per wall time since the start, without pauses.
-        is_behind: True if simulated time falls behind the clock.
         device: Name of the simulation's device, empty before there is one.
         lag: Lag of simulated time behind the time of the clock before its newest step, without
             the wait for the end of a time step [s of the clock].
@@ -52,11 +54,10 @@ class WorkerStatus:
     """
 
     state: WorkerState
-    error: str
-    speed: float
-    mean_speed: float
-    is_behind: bool
-    device: str
+    error: str = ''
+    speed: float = 0.0
+    mean_speed: float = 0.0
+    device: str = ''
     lag: float = 0.0
     lost: float = 0.0
     jump: float = 0.0
@@ -69,6 +70,11 @@ class WorkerStatus:
     current_task: str = ''
     task_duration: float = 0.0
     waiting: tuple[str, ...] = ()
+
+    @property
+    def is_behind(self) -> bool:
+        """True if simulated time falls behind the clock."""
+        return self.state is WorkerState.RUNNING and self.lag > ROUNDING
 
     @property
     def is_stale(self) -> bool:

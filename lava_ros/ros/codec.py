@@ -14,7 +14,7 @@ import struct
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from nav_msgs.msg import MapMetaData, OccupancyGrid
+from nav_msgs.msg import OccupancyGrid
 import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
@@ -80,16 +80,11 @@ def _fill(target: Any, values: Mapping[str, Any]) -> None:
             setattr(target, name, value)
 
 
-def map_metadata(terrain: Terrain, stamp: Time) -> MapMetaData:
-    """Return the grid of a terrain: size, resolution and origin."""
-    return made(messages.map_metadata(terrain, messages.stamp_fields(nanoseconds(stamp))))
-
-
-def occupancy_grid(values: np.ndarray, info: MapMetaData, message_header: Header) -> OccupancyGrid:
-    """Make an occupancy grid from int8 values, shape [rows, columns], row 0 at the smallest y."""
-    grid = OccupancyGrid(header=message_header, info=info)
-    grid.data = message_array(values, 'b')
-    return grid
+def occupancy_grid(values: np.ndarray, terrain: Terrain, message_header: Header) -> OccupancyGrid:
+    """Make an occupancy grid from a value for each cell of a terrain, -1 if it is unknown."""
+    fields = plain(message_header)
+    info = messages.map_metadata(terrain, fields['stamp']).fields
+    return made(messages.occupancy_grid(values, info, fields))
 
 
 def point_cloud(columns: Mapping[str, Any], message_header: Header) -> PointCloud2:
@@ -181,7 +176,7 @@ class _Parts:
         self.skip(self.number(), alignment=1)
 
     def count(self, field: str, maximum: int, unit: str = '') -> range:
-        """Return a range over the elements of a field; raise LavaError for more than ``most``."""
+        """Return a range over the elements of a field; raise LavaError above ``maximum``."""
         count = self.number()
         if count > maximum:
             raise LavaError(field, f'{count} {unit}' if unit else count, f'at most {maximum}')

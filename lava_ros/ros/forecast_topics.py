@@ -22,8 +22,9 @@ from lava_ros.live.worker import SimulationWorker
 from lava_ros.ros import diagnostics, qos
 from lava_ros.ros.diagnostics import ERROR, OK, WARN
 from lava_ros.ros.executor import now_ns
+from lava_ros.ros.node_graph import NodeGraph
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.publishers import LayerPublishers, NodeGraph
+from lava_ros.ros.publishers import LayerPublishers
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature, load_features
 from lava_ros.simulation.output.snapshot import Snapshot

@@ -25,7 +25,7 @@ from rclpy.utilities import remove_ros_args
 from lava_ros.errors import import_failure, LavaError, RefusalError
 from lava_ros.ros import middleware, node_parameters, parameters
 from lava_ros.ros.executor import spin, start_ros
-from lava_ros.ros.publishers import NodeGraph
+from lava_ros.ros.node_graph import NodeGraph
 from lava_ros.ros.rclpy_internals import guard_change_state
 from lava_ros.ros.runtime import NodeRuntime
 from lava_ros.ros.services import create_services

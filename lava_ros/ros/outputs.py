@@ -13,17 +13,11 @@ from lava_ros.errors import LavaError
 from lava_ros.layers import messages
 from lava_ros.layers.forecast import EnsembleForecast, Forecast
 from lava_ros.layers.layer import GRID_MAP, Layer, ZERO_CELSIUS
-from lava_ros.layers.messages import vent_rows
 from lava_ros.ros import codec
 from lava_ros.ros.codec import made, plain
 from lava_ros.ros.georeference import StaticTransform, TF_STATIC
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
-
-__all__ = [
-    'SceneMessages', 'layer_message', 'message_class', 'particle_message', 'terrain_messages',
-    'vent_rows', 'vents_message',
-]
 
 #: Maximum number of particles in a message.
 MAX_PARTICLES = 20_000
@@ -77,7 +71,7 @@ def terrain_messages(terrain: Terrain, header: Header) -> dict[str, Any]:
 def vents_message(
     rows: Sequence[tuple[float, ...]], terrain: Terrain, header: Header
 ) -> PointCloud2:
-    """Make the cloud of rows of ``vent_rows``; z is the elevation of the terrain."""
+    """Make the cloud of the rows that ``vent_rows`` returns; z is the elevation of the terrain."""
     return made(messages.vents_message(rows, terrain, plain(header)))
 
 
@@ -98,7 +92,7 @@ class SceneMessages:
     def update(
         self, scene: Scene, time: float, header: Header, *, ground: Terrain | None = None
     ) -> dict[str, Any]:
-        """Make the messages that have changed since the last call (``maps.messages``).
+        """Make the messages that have changed since the last call (``layers.messages``).
 
         New ground also has a message on ``/tf_static``, if there is a transform.
         """

@@ -42,7 +42,6 @@ WHEN = 'read-only while the node is configured'
 #: Default wall time between checkpoints [s].
 CHECKPOINT_PERIOD = 60.0
 
-
 #: An element of each list, by the first word of its name.
 _EXAMPLES = {
     'effects': 'inertia', 'layers': 'lava_points', 'places': 'villages.geojson',
@@ -99,8 +98,8 @@ class ParameterSpec:
         if self.is_list:
             if not isinstance(value, list):
                 kind = self.name.partition('_')[0]
-                example = _EXAMPLES[kind]
-                raise LavaError(self.name, value, f"a list of {kind}, such as ['{example}']")
+                expected = f"a list of {kind}, such as ['{_EXAMPLES[kind]}']"
+                raise LavaError(self.name, value, expected)
             # in ROS, an empty list of strings is a list with one empty string
             texts = tuple(text for text in value if text != '')
         for text in texts if self.choices else ():
@@ -266,6 +265,7 @@ class Settings:
         'Quantities that ensembles do not draw, such as viscosity or terrain, even if the scene '
         'gives them a distribution; all: only quantities with a distribution in the scene are '
         'drawn; empty: the quantities that the scene fixes',
+        choices=(ALL, *QUANTITIES),
     )
     places: tuple[str, ...] = _fixed(
         [''],
@@ -410,8 +410,7 @@ def constant_values(constants: Mapping[str, Any]) -> dict[str, Any]:
 
 def start_values(settings: Settings) -> dict[str, Any]:
     """Return the values of the parameters that take effect at a start or reset, by name."""
-    names = ('method', 'preset', 'spacing')
-    given = {name: getattr(settings, name) for name in names}
+    given = {name: getattr(settings, name) for name in ('method', 'preset', 'spacing')}
     return given | constant_values(settings.constants)
 
 
@@ -433,16 +432,13 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         **{spec.name: spec.setting(values[spec.name]) for spec in PARAMETERS},
         constants={'lava': lava, **{name: values[name] for name in ENVIRONMENT}},
     )
-    for name in settings.quantities_exact:
-        validation.choice('quantities_exact', name, (ALL, *QUANTITIES))
     names_on = list(settings.effects_on)
     for name in settings.effects_off:
         if name in names_on:
             raise validation.conflict(f'{name} in effects_on', f'{name} in effects_off')
     for name in names_on:
         if name not in drop_superseded(possible(lava)):
-            expected = 'an effect for which lava.* has the constants'
-            raise LavaError('effects_on', name, expected)
+            raise LavaError('effects_on', name, 'an effect for which lava.* has the constants')
     if settings.method == 'cells' and (lacking := lacking_on_cells(names_on)):
         expected = 'an effect that cells have, or method particles or auto'
         raise LavaError('effects_on', ', '.join(lacking), expected)

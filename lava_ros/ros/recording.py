@@ -15,8 +15,8 @@ from lava_ros.files.yaml import dump_yaml
 from lava_ros.live.session import Origin, SessionView
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.georeference import StaticTransform
+from lava_ros.ros.node_graph import NodeGraph
 from lava_ros.ros.parameters import Settings, start_values
-from lava_ros.ros.publishers import NodeGraph
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.simulation.output.snapshot import Snapshot
 

@@ -26,10 +26,10 @@ from lava_ros.ros.executor import now_ns
 from lava_ros.ros.forecast_topics import ForecastTopics, load_places, PlaceTopic
 from lava_ros.ros.georeference import recorded_transform
 from lava_ros.ros.input_log import Allowance
+from lava_ros.ros.node_graph import NodeGraph
 from lava_ros.ros.parameters import CHECKPOINT_PERIOD, Settings, start_values
 from lava_ros.ros.publishers import (
     LayerPublishers,
-    NodeGraph,
     ParticlePublisher,
     published_layers,
     ScenePublisher,

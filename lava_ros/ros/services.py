@@ -13,7 +13,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.errors import LavaError, RefusalError
 from lava_ros.live.worker_status import WorkerState
-from lava_ros.ros.publishers import NodeGraph
+from lava_ros.ros.node_graph import NodeGraph
 from lava_ros.ros.runtime import NodeRuntime
 
 

@@ -33,8 +33,8 @@ from lava_ros.ros.codec import decode
 from lava_ros.ros.executor import now_ns
 from lava_ros.ros.georeference import TerrainGeoreferences
 from lava_ros.ros.input_log import InputLog
+from lava_ros.ros.node_graph import NodeGraph
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.publishers import NodeGraph
 from lava_ros.scene import Terrain
 
 #: Interval between checks for a complete pair of ``terrain`` and ``terrain_info`` [s].

@@ -61,7 +61,7 @@ def current_batch() -> 'Batch | None':
     return getattr(_here, 'batch', None)
 
 
-@quick_kernel(writes='clocks all_counts')
+@quick_kernel()
 def _read_back(
     thread: int,
     row: int,

@@ -149,8 +149,7 @@ def test_probabilities_belong_to_later_frames(live, monkeypatch):
         if second == 3:
             cells = np.full(TERRAIN.shape, 40, dtype=np.int8)
             cells[0] = -1
-            info = codec.map_metadata(TERRAIN, codec.time_message(START))
-            grid = codec.occupancy_grid(cells, info, codec.header('map', START))
+            grid = codec.occupancy_grid(cells, TERRAIN, codec.header('map', START))
             live.deliver(LAYERS[PROBABILITY].topic, grid)
         live.deliver_maps(second, 'thickness')
         live.deliver_status(second, 100.0 * second)

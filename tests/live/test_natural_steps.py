@@ -186,7 +186,7 @@ def test_end_time_and_steps_of_a_pause_are_exact(method):
 def test_steps_longer_than_the_maximum_lag_are_reached(method):
     driven = Driven(method=method, time_scale=0.01)
     *_, status = driven.follow(4e3, tick=2.0)
-    assert driven.session.view.step > MAX_LAG * driven.worker.time_scale
+    assert driven.session.view.step > MAX_LAG * driven.worker.pace.time_scale
     assert driven.session.time > 1.0 and status.lost == 0.0
 
 

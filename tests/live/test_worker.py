@@ -6,7 +6,6 @@
 from dataclasses import asdict, replace
 from functools import partial
 import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,11 +13,10 @@ import pytest
 from lava_ros.bag.description import effect_table, is_on
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.live import worker_status as speed
 from lava_ros.live.catch_up import Published
 from lava_ros.live.session import Origin
 from lava_ros.live.worker import SimulationWorker
-from lava_ros.live.worker_status import MAX_TASK_DURATION, SpeedMeter, WorkerState
+from lava_ros.live.worker_status import MAX_TASK_DURATION, WorkerState
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.selection import decide, effects_for, HORIZON
@@ -144,21 +142,6 @@ def test_status_has_the_current_task_and_waiting_commands(bench):
     bench.simulation.slowness = 0.0
     bench.go_on()
     bench.wait(lambda: bench.worker.status.blocked_by == '')
-
-
-def test_mean_speed_excludes_pauses(monkeypatch):
-    clock = SimpleNamespace(now=0.0, monotonic=lambda: clock.now)
-    monkeypatch.setattr(speed, 'time', clock)
-    meter = SpeedMeter()
-    assert (meter.value, meter.mean) == (0.0, 0.0)
-    for run in (((0.0, 0.0), (10.0, 30.0)), ((500.0, 30.0), (507.0, 37.0), (510.0, 40.0))):
-        meter.clear()
-        for clock.now, reached in run:
-            meter.note(reached)
-    assert meter.mean == pytest.approx(2.0)
-    # notes older than the window do not count
-    assert meter.value == pytest.approx(1.0)
-    assert clock.now - 507.0 < speed.SPEED_WINDOW
 
 
 def test_newest_vents_wait_for_the_terrain(bench):

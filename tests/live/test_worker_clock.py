@@ -3,11 +3,15 @@
 
 """Simulated time follows the clock of a worker: its steps, jumps and lags."""
 
+import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 
+from lava_ros.live import worker_status as speed
 from lava_ros.live.clock import FollowedClock, MAX_LAG
+from lava_ros.live.worker_status import SpeedMeter, WorkerState
 from worker_bench import TERRAIN
 
 
@@ -17,7 +21,7 @@ from worker_bench import TERRAIN
 )
 def test_time_follows_steps_of_the_clock(bench, step):
     bench.run(bench.worker.set_terrain(TERRAIN))
-    scale = bench.worker.time_scale
+    scale = bench.worker.pace.time_scale
     for count in range(1, 6):
         set_clock(bench, bench.now + step)
         bench.wait(lambda: bench.simulation.time == pytest.approx(count * step * scale))  # noqa: B023
@@ -56,7 +60,7 @@ def test_snapshot_shows_the_time_of_the_clock(bench, step):
 def test_jumps_of_the_clock_are_counted_but_not_followed(bench, jump):
     bench.now = 1e7
     bench.run(bench.worker.set_terrain(TERRAIN))
-    scale = bench.worker.time_scale
+    scale = bench.worker.pace.time_scale
     bench.go_on(0.5, scale)
     set_clock(bench, bench.now + jump)
     bench.wait(lambda: bench.worker.status.jumps == 1)
@@ -115,3 +119,29 @@ def test_time_beyond_the_maximum_lag_is_lost(bench):
     # the lag is in time of the clock, at each scale
     bench.run(bench.worker.set('time_scale', 1e-3))
     bench.wait(lambda: not bench.worker.status.is_behind)
+
+
+def test_status_follows_a_command_before_its_future_completes(bench):
+    is_held, states = threading.Event(), []
+    bench.worker.commands.submit(is_held.wait)
+    future = bench.worker.set_terrain(TERRAIN)
+    future.add_done_callback(lambda _: states.append(bench.worker.status.state))
+    is_held.set()
+    bench.wait(lambda: states)
+    # a step of the clock from now on is followed
+    assert states == [WorkerState.RUNNING]
+
+
+def test_mean_speed_excludes_pauses(monkeypatch):
+    clock = SimpleNamespace(now=0.0, monotonic=lambda: clock.now)
+    monkeypatch.setattr(speed, 'time', clock)
+    meter = SpeedMeter()
+    assert (meter.value, meter.mean) == (0.0, 0.0)
+    for run in (((0.0, 0.0), (10.0, 30.0)), ((500.0, 30.0), (507.0, 37.0), (510.0, 40.0))):
+        meter.clear()
+        for clock.now, reached in run:
+            meter.note(reached)
+    assert meter.mean == pytest.approx(2.0)
+    # notes older than the window do not count
+    assert meter.value == pytest.approx(1.0)
+    assert clock.now - 507.0 < speed.SPEED_WINDOW

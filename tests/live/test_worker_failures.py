@@ -202,7 +202,7 @@ def put(commands, name, kind=''):
 
 
 def waiting_actions(commands):
-    return [commands.get(0.0).action for _ in range(len(commands))]
+    return [commands.get(0.0)[0].action for _ in range(len(commands))]
 
 
 def test_rejects_too_many_commands():

@@ -32,8 +32,8 @@ LETHAL = 100
 def own_map():
     cells = np.zeros(SHAPE, np.int8)
     cells[WALL] = LETHAL
-    info = codec.map_metadata(Terrain(np.zeros(SHAPE), RESOLUTION, ORIGIN), codec.time_message(0))
-    return codec.occupancy_grid(cells, info, codec.header('map', 0))
+    ground = Terrain(np.zeros(SHAPE), RESOLUTION, ORIGIN)
+    return codec.occupancy_grid(cells, ground, codec.header('map', 0))
 
 
 def centres(grid):

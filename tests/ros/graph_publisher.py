@@ -24,6 +24,7 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.ros import codec
+from lava_ros.scene import Terrain
 from ros_messages import float_image
 from waiting import PATIENCE, wait_until
 
@@ -118,12 +119,12 @@ def click(x, y, frame_id='map'):
     return message
 
 
-def outline(reach=100.0, late=0.0, frame_id='map', **changes):
-    """Return observed lava down to a distance from the vent, stamped ``late`` [s] after now."""
+def outline(late=0.0):
+    """Return observed lava down to 100 m from the vent, stamped ``late`` [s] after now."""
     y, x = (np.mgrid[0:ROWS, 0:COLUMNS] + 0.5) * RESOLUTION
-    lava = (np.abs(y - 155.0) < 25.0) & (x > 45.0) & (x < 60.0 + reach)
-    header = codec.header(frame_id, time.time_ns() + int(late * 1e9))
-    return codec.occupancy_grid(np.where(lava, 100, 0).astype(np.int8), info(**changes), header)
+    lava = (np.abs(y - 155.0) < 25.0) & (x > 45.0) & (x < 160.0)
+    header = codec.header('map', time.time_ns() + int(late * 1e9))
+    return codec.occupancy_grid(np.where(lava, 100, 0), Terrain(lava, RESOLUTION), header)
 
 
 def georeference(system='EPSG:32633', x=499000.0, y=4180000.0, stamp_ns=0, frame_id='map'):

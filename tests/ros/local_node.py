@@ -160,7 +160,7 @@ class LocalNode(Asking, Hearing):
         reached = self.simulated
         while self.now < end:
             step = min(STEP, end - self.now)
-            reached += step * worker.time_scale
+            reached += step * worker.pace.time_scale
             self.jump(self.now + step)
             self.wait_until(
                 lambda: (

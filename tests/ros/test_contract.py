@@ -301,7 +301,7 @@ def test_foxglove_shows_topics_of_the_node(foxglove, shown):
 
 def test_foxglove_plots_numbers_of_the_diagnostics(foxglove):
     status = diagnostics.simulation_status(
-        WorkerStatus(WorkerState.RUNNING, '', 1.0, 1.0, False, 'cpu'), SNAPSHOT, is_active=True,
+        WorkerStatus(WorkerState.RUNNING), SNAPSHOT, is_active=True,
         frame_stamp_ns=0,
     )
     diagnostics.sign(DiagnosticArray(status=[status]), '/lava', 'cpu')

@@ -55,7 +55,7 @@ def _snapshot(**budget):
 
 
 def _worker(state=WorkerState.RUNNING, **changes):
-    fields = {'error': '', 'speed': 2.0, 'mean_speed': 3.0, 'is_behind': False, 'device': 'cpu'}
+    fields = {'error': '', 'speed': 2.0, 'mean_speed': 3.0, 'device': 'cpu'}
     return WorkerStatus(state=state, **fields | changes)
 
 
@@ -125,7 +125,7 @@ LOST = {'flowing': 4.5, 'lost_over_border': 1.0, 'lost_in_no_data': 4.0}
         ({'overdue': 0.4}, {}, 'behind: 0.4 m3 of lava is overdue in the vents'),
         (
             LOST,
-            {'is_behind': True},
+            {'lag': 1.0},
             '10 % of the lava was lost over the border: it is on no map; '
             '40 % of the lava was lost in no-data cells: it is on no map; '
             'running slower than the clock',
@@ -187,9 +187,9 @@ def test_simulation_values_are_those_of_the_frame():
     [
         (WorkerState.WAITING, {}, WARN, 'waiting for terrain'),
         (WorkerState.RUNNING, {}, OK, 'running'),
-        (WorkerState.RUNNING, {'is_behind': True}, WARN, 'running slower'),
+        (WorkerState.RUNNING, {'lag': 1.0}, WARN, 'running slower'),
         (
-            WorkerState.RUNNING, {'is_behind': True, 'is_catching_up': True, 'age': 658.0}, WARN,
+            WorkerState.RUNNING, {'lag': 1.0, 'is_catching_up': True, 'age': 658.0}, WARN,
             'catching up after a restart: 658 s of simulated time behind',
         ),
         # a step or command that takes longer than ten slices, except while starting

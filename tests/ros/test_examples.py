@@ -56,8 +56,8 @@ def planner():
 
 def grid(rows):
     cells = np.array(rows, dtype=np.int8)
-    info = codec.map_metadata(Terrain(np.zeros(cells.shape), CELL), codec.time_message(0))
-    return codec.occupancy_grid(cells, info, codec.header('map', 0))
+    ground = Terrain(np.zeros(cells.shape), CELL)
+    return codec.occupancy_grid(cells, ground, codec.header('map', 0))
 
 
 def pose(x, y, frame='map'):

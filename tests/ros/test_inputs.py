@@ -404,8 +404,7 @@ def test_rejects_a_large_terrain_without_allocating_memory(lie):
 
 def seen(cells, resolution=10.0, origin=(100.0, 50.0)):
     ground = Terrain(np.zeros(np.shape(cells)), resolution, origin=origin)
-    info = codec.map_metadata(ground, codec.time_message(5))
-    return codec.occupancy_grid(np.array(cells, dtype=np.int8), info, codec.header('map', 5))
+    return codec.occupancy_grid(np.array(cells), ground, codec.header('map', 5))
 
 
 def test_mask_has_the_lava_and_the_observed_cells_of_a_grid():

@@ -25,6 +25,7 @@ from lava_ros.layers.messages import (
     OPEN,
     PLACES,
     relief_message,
+    vent_rows,
 )
 from lava_ros.ros import codec, inputs, outputs
 from lava_ros.ros.outputs import SceneMessages
@@ -174,9 +175,9 @@ def test_vents_message_has_the_current_discharge_and_elevation():
         Vent((105.0, 205.0), series, temperature=1300.0, radius=3.0),
         Vent((125.0, 215.0), 6.0, 1423.0, end=(115.0, 205.0), velocity=(2.0, -1.0)),
     )
-    rows = outputs.vent_rows(vents, 15.0)
+    rows = vent_rows(vents, 15.0)
     assert [row[2] for row in rows] == [8.0, 6.0]
-    assert [row[2] for row in outputs.vent_rows(vents, -1.0)] == [0.0, 6.0]
+    assert [row[2] for row in vent_rows(vents, -1.0)] == [0.0, 6.0]
     cloud = outputs.vents_message(rows, TERRAIN, codec.header('map', 0))
     assert cloud_columns(cloud, 'vents', ('z',))['z'].tolist() == [0.0, 5.0]
     cloud = outputs.vents_message([], TERRAIN, codec.header('map', 0))
@@ -187,7 +188,7 @@ def test_vents_message_has_the_current_discharge_and_elevation():
 @pytest.mark.parametrize('velocity', [(0.0, 0.0), (2.0, -1.0)])
 def test_vents_message_has_every_property_of_a_vent_but_its_name(end, velocity):
     vent = Vent((105.0, 215.0), 6.0, 1273.15, radius=3.0, end=end, velocity=velocity)
-    rows = outputs.vent_rows((vent,), 0.0)
+    rows = vent_rows((vent,), 0.0)
     cloud = outputs.vents_message(rows, TERRAIN, codec.header('map', 0))
     (again,) = inputs.vents_from_cloud(cloud, Settings())
     assert replace(again, name='') == vent

@@ -18,8 +18,9 @@ from lava_ros.errors import LavaError
 from lava_ros.layers.layer_files import load_layers
 from lava_ros.live.recorder import Recorder
 from lava_ros.ros import codec, outputs
+from lava_ros.ros.node_graph import NodeGraph
 from lava_ros.ros.parameters import PARAMETERS, Settings
-from lava_ros.ros.publishers import LayerPublishers, NodeGraph, published_layers
+from lava_ros.ros.publishers import LayerPublishers, published_layers
 from lava_ros.scene import Terrain
 from recording import snapshot_at
 

@@ -17,7 +17,7 @@ from lava_ros.cli.main import main
 from lava_ros.layers.recording import Recording
 from lava_ros.live import recording_control
 from lava_ros.ros.input_log import LIMITS
-from lava_ros.ros.publishers import NodeGraph
+from lava_ros.ros.node_graph import NodeGraph
 from lava_ros.ros.recording import SceneRecording
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from recording import snapshot_at

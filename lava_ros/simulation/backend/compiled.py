@@ -122,46 +122,22 @@ _RAISE_ON_CPU = """
 FEW_THREADS = 256, 4
 
 
-#: Called with each new kernel: tests compare what it declares with its code (docs/kernels.py).
+#: Called with each new kernel: tests compare its arrays with their table (docs/kernels.py).
 on_new_kernel: list[Callable[[Any], None]] = []
 
 
-def writing(*parts: Any) -> Any:
-    """Declare the arrays that a device function writes; a decorator.
-
-    Warp allows C++ functions no second decorator: they are declared after their definition.
-
-    Args:
-        parts: Strings of names, device functions with a declaration, or None. A name is that of a
-            member of ``m`` (``layout.arguments_type``), such as ``flow`` or ``cells.sizes``, or of
-            another argument, such as ``outlets.due``.
-    """
-    names = (part.split() if isinstance(part, str) else part.writes for part in parts if part)
-    writes = frozenset[str]().union(*names)
-
-    def declared(function: Any) -> Any:
-        function.writes = writes
-        return function
-
-    return declared
-
-
-def quick_kernel(
-    *, writes: Any, bounds: tuple[int, int] | None = None, fast_math: bool = True
-) -> Any:
+def quick_kernel(*, bounds: tuple[int, int] | None = None, fast_math: bool = True) -> Any:
     """Make a kernel of a function of the thread's number and further arguments; a decorator.
 
     The kernel takes one more, last argument: the number of its first thread on a CPU
-    (threads.py). ``writes`` is a part of ``writing``, or a tuple of them. ``bounds`` are the
-    threads per block, and the blocks per GPU processor for which registers must suffice;
-    ``fast_math`` makes CUDA use the hardware's float32 functions.
+    (threads.py). ``bounds`` are the threads per block, and the blocks per GPU processor for which
+    registers must suffice; ``fast_math`` makes CUDA use the hardware's float32 functions.
     """
-    declared = writing(*writes) if isinstance(writes, tuple) else writing(writes)
 
     def make(function: Callable[..., None]) -> Any:
         _, *names = signature(function).parameters
         types = {name: function.__annotations__[name] for name in names}
-        body = wp.func(declared(function))
+        body = wp.func(function)
         write = partial(_kernel_of, body, function, bounds, fast_math)
         kernel = write(
             types | {'first': int},
@@ -287,7 +263,7 @@ def access(real: Any, length: int) -> tuple[Any, Any]:
     @wp.func_native(on_cuda(write, 'values.data[i] = v;'))
     def store(values: wp.array(dtype=vector), i: int, v: vector): ...
 
-    return load, writing('values')(store)
+    return load, store
 
 
 @lru_cache
@@ -338,9 +314,6 @@ def announce(flag: wp.array(dtype=wp.int32)):
     """
 
 
-writing('flag')(announce)
-
-
 @wp.func_native(_WAIT_FOR)
 def wait_for(flag: wp.array(dtype=wp.int32)):
     """Wait for ``announce``.
@@ -370,4 +343,4 @@ def raise_to(real: Any) -> Any:
     @wp.func_native(_RAISE[real].replace('RAISE_ON_CPU', _RAISE_ON_CPU))
     def raised(values: wp.array(dtype=real), i: int, value: real): ...
 
-    return writing('values')(raised)
+    return raised

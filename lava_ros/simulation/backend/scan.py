@@ -15,7 +15,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import quick_kernel, writing
+from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.graph import Launches
 
 #: Threads of a block.
@@ -127,9 +127,7 @@ def _kernel(fours: int) -> Any:
         tiles: wp.array(dtype=wp.uint64),
     ): ...
 
-    writing('starts tiles')(sum_up)
-
-    @quick_kernel(writes='starts tiles')
+    @quick_kernel()
     def scan(
         thread: int, sizes: wp.array(dtype=wp.int32), starts: wp.array(dtype=wp.int32),
         tiles: wp.array(dtype=wp.uint64),

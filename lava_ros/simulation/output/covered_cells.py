@@ -16,7 +16,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.scene.terrain import HALF, PARTS
-from lava_ros.simulation.backend.compiled import raise_to, writing
+from lava_ros.simulation.backend.compiled import raise_to
 from lava_ros.simulation.particles.layout import arguments_type
 
 #: Side of a particle's square over the root of its area V / h. Squares of exactly that area
@@ -70,9 +70,6 @@ def mark_bits(values: wp.array2d(dtype=wp.int32), i: int, j: int, bits: int) -> 
     ...
 
 
-writing('values')(mark_bits)
-
-
 @lru_cache
 def note_function(real: Any, is_new: bool) -> Any:
     """Return the device function that records the ground covered by a particle.
@@ -101,7 +98,6 @@ def note_function(real: Any, is_new: bool) -> Any:
         return (wp.max(above - below, 0) & wp.static(_COLUMN)) * wp.max(right - left, 0)
 
     @wp.func
-    @writing('arrived half_inundated covered bounds')
     def note(p: vec4, thickness: real, end: wp.float64, m: arguments_type(real)):
         inverse = real(1.0) / m.ground.resolution
         x, y = (p[0] - m.ground.x0) * inverse, (p[1] - m.ground.y0) * inverse

@@ -48,7 +48,7 @@ def covered_ground_kernel(real: Any) -> Any:
     load, _ = access(real, 4)
     note = note_function(real, False)
 
-    @quick_kernel(writes=note)
+    @quick_kernel()
     def note_all(i: int, m: arguments_type(real)):
         if i < m.counts[at.PARTICLES]:
             note(load(m.ordered, i), m.flow[i][0], m.clock[at.TIME], m)
@@ -57,7 +57,7 @@ def covered_ground_kernel(real: Any) -> Any:
 
 
 # without new bits covered stays as it is: they are only counted
-@quick_kernel(writes='maps covered')
+@quick_kernel()
 def _show(
     thread: int, arrived: wp.array2d(dtype=wp.float32),
     half_inundated: wp.array2d(dtype=wp.float32), covered: wp.array2d(dtype=wp.int32),

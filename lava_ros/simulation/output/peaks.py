@@ -25,7 +25,7 @@ from lava_ros.simulation.particles.state import State
 _FLAWS = ('', 'thickness is not a number of metres', 'temperature is not a number of kelvin')
 
 
-@quick_kernel(writes='peaks flaw', fast_math=False)
+@quick_kernel(fast_math=False)
 def _raise_peaks(
     thread: int, known: wp.array2d(dtype=wp.uint8), maps: wp.array3d(dtype=wp.float32),
     peaks: wp.array3d(dtype=wp.float32), flaw: wp.array(dtype=wp.int32), window: CellWindow,

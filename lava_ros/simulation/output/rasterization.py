@@ -82,7 +82,7 @@ def _weigh_kernel(real: Any, kernel_name: str) -> Any:
             small = rest * rest / (real(8.0) * wide * narrow)
         return wp.where(middle > real(0.0), real(1.0) - small, small)
 
-    @quick_kernel(writes='thickness temperature', fast_math=False)
+    @quick_kernel(fast_math=False)
     def weigh(
         thread: int, m: arguments_type(real), exact: ground_type(wp.float64), radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32), temperature: wp.array2d(dtype=wp.float32),
@@ -157,7 +157,7 @@ def _share_out_kernel(real: Any, kernel_name: str) -> Any:
     def cell_at(place: real, first: wp.float64, resolution: wp.float64) -> int:
         return int(wp.floor((wp.float64(place) - first) / resolution))
 
-    @quick_kernel(writes='contribution home', fast_math=False)
+    @quick_kernel(fast_math=False)
     def share_out(
         k: int, m: arguments_type(real), exact: ground_type(wp.float64), radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
@@ -214,7 +214,7 @@ def _gather_kernel(real: Any, kernel_name: str) -> Any:
     load, _ = access(real, 4)
     middle = _middle_function(real)
 
-    @quick_kernel(writes='thickness temperature arrived', fast_math=False)
+    @quick_kernel(fast_math=False)
     def gather(
         thread: int, m: arguments_type(real), exact: ground_type(wp.float64), radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32), temperature: wp.array2d(dtype=wp.float32),
@@ -269,7 +269,7 @@ def _gather_kernel(real: Any, kernel_name: str) -> Any:
     return gather
 
 
-@quick_kernel(writes='grids')
+@quick_kernel()
 def _clear(thread: int, known: wp.array2d(dtype=wp.uint8), grids: wp.array3d(dtype=wp.float32)):
     """Fill grids with 0 (no lava) on cells with data, and with NaN on others."""
     i = thread // known.shape[1]

@@ -13,13 +13,7 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import (
-    access,
-    load_int,
-    on_cuda,
-    write_function,
-    writing,
-)
+from lava_ros.simulation.backend.compiled import access, load_int, on_cuda, write_function
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.layout import arguments_type, cell_frame, ground_type
@@ -140,7 +134,6 @@ def bin_function(real: Any, has_empty: bool) -> Any:
         return sides + 4 * int(column >= cells.east) + 8 * int(row >= cells.north)
 
     @wp.func
-    @writing('cell rank cells.sizes counts left')
     def place(i: int, p: vec4, m: arguments_type(real)):
         """Find a particle's cell and its rank there; particles off the terrain go last.
 

@@ -337,8 +337,8 @@ def flow_constants_of(real: Any) -> Any:
 def arguments_type(real: Any) -> Any:
     """Return the struct that kernels take: arrays of ``State``, ground, cells and constants.
 
-    It is ``m`` in kernels, whose declarations name the members that they write
-    (``compiled.writing``), and ``arguments`` on the host.
+    It is ``m`` in kernels and ``arguments`` on the host. docs/kernels.md lists the members that
+    each kernel reads and writes.
     """
     kinds = kinds_of(real)
     types = {

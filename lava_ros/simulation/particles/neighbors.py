@@ -71,12 +71,12 @@ def _kernels(form: Form) -> tuple[Any, ...]:
     place = bin_function(real, form.has_empty)
     _, side_of, volume_lost = border_functions(real)
 
-    @quick_kernel(writes=place)
+    @quick_kernel()
     def bin_particles(i: int, m: arguments_type(real)):
         if i < m.counts[at.PARTICLES] + m.counts[at.NEWCOMERS]:
             place(i, load(m.particle, i), m)
 
-    @quick_kernel(writes='cells.sizes rank left')
+    @quick_kernel()
     def rank_particles(i: int, m: arguments_type(real)):
         """Rank particles in their cells in the order of all particles, one after the other."""
         if i >= m.counts[at.PARTICLES] + m.counts[at.NEWCOMERS]:
@@ -90,7 +90,7 @@ def _kernels(form: Form) -> tuple[Any, ...]:
         m.rank[i] = before
         m.cells.sizes[c] = before + 1
 
-    @quick_kernel(writes='members')
+    @quick_kernel()
     def list_members(i: int, m: arguments_type(real)):
         if i < m.cells.starts[m.cells.rows * m.cells.columns + 1]:
             m.members[compiled.load_int(m.cells.starts, m.cell[i]) + m.rank[i]] = i
@@ -104,11 +104,7 @@ def _kernels(form: Form) -> tuple[Any, ...]:
                 before += 1
         return before
 
-    @quick_kernel(
-        writes='ordered ordered_remainder ordered_velocity ordered_emission_time ordered_base '
-        'ordered_temperature_remainder ordered_drift ordered_mean_temperature cells.sizes '
-        'counts rates chosen'
-    )
+    @quick_kernel()
     def order_particles(i: int, m: arguments_type(real)):
         """Gather the particles of each cell, and reset the values for the next sums over them."""
         starts = m.cells.starts

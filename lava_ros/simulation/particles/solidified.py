@@ -39,7 +39,7 @@ def volume_of(placed: np.ndarray, resolution: float) -> float:
     return float(placed.sum(dtype=np.float64)) * THICKNESS_UNIT * resolution**2
 
 
-@quick_kernel(writes='thickness temperature frozen', fast_math=False)
+@quick_kernel(fast_math=False)
 def _show(
     thread: int, placed: wp.array2d(dtype=wp.int64), known: wp.array2d(dtype=wp.uint8),
     solidus: wp.float32, thickness: wp.array2d(dtype=wp.float32),

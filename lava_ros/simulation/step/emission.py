@@ -14,7 +14,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import quick_kernel, writing
+from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.output.covered_cells import note_function
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.cells import bin_function
@@ -85,10 +85,6 @@ def emission_function(form: Form) -> Any:
         return due
 
     @wp.func
-    @writing(
-        'counts particle remainder velocity emission_time temperature_remainder base drift '
-        'mean_temperature outlets.released outlets.due', put, note,
-    )
     def emission(first: int, apart: int, outlets: Outlets, m: arguments_type(real)):
         if m.counts[at.CURRENT] == 0:
             return
@@ -123,7 +119,7 @@ def emission_function(form: Form) -> Any:
 
 @lru_cache
 def _kernel(real: Any, emission: Any) -> Any:
-    @quick_kernel(writes=emission)
+    @quick_kernel()
     def emit(thread: int, apart: int, outlets: Outlets, m: arguments_type(real)):
         """Release all whole particles that are due at the current time."""
         emission(thread, apart, outlets, m)

@@ -214,10 +214,7 @@ def _energy_kernel(
     mean_temperature = _mean_temperature_function(real)
     total = sum_over(real, lanes)
 
-    @quick_kernel(
-        writes='flow slope rates source area ordered_mean_temperature',
-        bounds=FEW_THREADS if is_short else None,
-    )
+    @quick_kernel(bounds=FEW_THREADS if is_short else None)
     def thickness_and_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes
@@ -283,7 +280,7 @@ def _elevation_kernel(real: Any, kernel_name: str, lanes: int, parts: int) -> An
 
     height_around = sum_neighbors(real, add_height, lanes, parts)
 
-    @quick_kernel(writes='surface flow')
+    @quick_kernel()
     def elevate(thread: int, m: arguments_type(real)):
         """Compute thickness, surface elevation and area V / h of each particle."""
         i = thread // lanes
@@ -351,7 +348,7 @@ def _balanced_kernel(
 
     differences_around = sum_neighbors(real, add_differences, lanes, parts)
 
-    @quick_kernel(writes='flow slope rates source area')
+    @quick_kernel()
     def balanced_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes

@@ -16,12 +16,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import (
-    announce,
-    FEW_THREADS,
-    quick_kernel,
-    writing,
-)
+from lava_ros.simulation.backend.compiled import announce, FEW_THREADS, quick_kernel
 from lava_ros.simulation.particles.layout import arguments_type
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.step.outlets import Outlets
@@ -42,7 +37,6 @@ BOUNDS = {True: FEW_THREADS, False: (FIRST_BLOCK, 6)}
 @lru_cache
 def _function(real: Any, choose: Any, emission: Any, emitters: int) -> Any:
     @wp.func
-    @writing('chosen', choose, emission)
     def choose_and_emit(
         thread: int, limits: StepLimits, outlets: Outlets, m: arguments_type(real)
     ):
@@ -58,7 +52,7 @@ def _function(real: Any, choose: Any, emission: Any, emitters: int) -> Any:
 
 @lru_cache
 def _kernel(real: Any, function: Any) -> Any:
-    @quick_kernel(writes=function)
+    @quick_kernel()
     def choose_stage(thread: int, limits: StepLimits, outlets: Outlets, m: arguments_type(real)):
         function(thread, limits, outlets, m)
 

@@ -17,7 +17,7 @@ from lava_ros.effects import Effects
 from lava_ros.effects.column import column_type
 from lava_ros.effects.heat import warming_function
 from lava_ros.simulation.backend import compiled
-from lava_ros.simulation.backend.compiled import quick_kernel, writing
+from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.output.covered_cells import note_function
 from lava_ros.simulation.particles import layout as at
@@ -167,10 +167,6 @@ def motion_function(form: Form, effects: Effects) -> Any:
     note, freezes = note_function(real, False), effects.any('freezes')
 
     @wp.func
-    @writing(
-        'particle remainder temperature_remainder emission_time base drift mean_temperature cold',
-        put, note,
-    )
     def move_on(i: int, p: vec4, f: vec3, m: arguments_type(real)):
         place = vec2(p[0], p[1])
         start = vec2(f[1], f[2])
@@ -236,7 +232,7 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
     vec3 = wp.types.vector(3, real)
     load, _ = compiled.access(real, 4)
 
-    @quick_kernel(writes=(motion, choose_and_emit), bounds=bounds)
+    @quick_kernel(bounds=bounds)
     def move(
         i: int, flow: wp.array(dtype=vec3), limits: StepLimits, outlets: Outlets,
         m: arguments_type(real),

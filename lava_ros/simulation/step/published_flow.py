@@ -33,7 +33,7 @@ def published_kernel(real: Any) -> Any:
         log = wp.log(real(2.0) / r) - real(0.577216)
         return log + real(0.25) * r * r * (log + real(1.0))
 
-    @quick_kernel(writes='flow')
+    @quick_kernel()
     def published_velocity(i: int, m: arguments_type(real), viscosity: real):
         if i >= m.counts[PARTICLES]:
             return

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import FEW_THREADS, writing
+from lava_ros.simulation.backend.compiled import FEW_THREADS
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.layout import arguments_type, Form
 
@@ -170,7 +170,6 @@ def choice_function(form: Form, freezes: bool) -> Any:
     real, order = form.real, form.order
 
     @wp.func
-    @writing('clock counts stage cold')
     def choose(limits: StepLimits, m: arguments_type(real)):
         one = wp.float64(1.0)
         # read everything before writing anything: reads after a write would be repeated one by one

@@ -114,7 +114,7 @@ def test_jumps_of_the_clock_are_reported_and_not_followed(running):
         assert status['level'] == 1
         assert running.simulated == before
         running.run(1.0)
-        assert running.simulated == pytest.approx(before + running.worker.time_scale)
+        assert running.simulated == pytest.approx(before + running.worker.pace.time_scale)
 
 
 def test_rejects_a_negative_time_of_the_clock(running):

@@ -21,7 +21,7 @@ from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, ST
 ALL = 'everything with green'
 
 
-@quick_kernel(writes='values')
+@quick_kernel()
 def add(i: int, by: float, values: wp.array(dtype=float)):
     values[i] += by
 

@@ -47,7 +47,7 @@ def as_before():
 raised = raise_to(wp.float32)
 
 
-@quick_kernel(writes='visits most')
+@quick_kernel()
 def count_visits(
     i: int,
     values: wp.array(dtype=wp.float32),

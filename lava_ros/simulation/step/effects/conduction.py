@@ -57,7 +57,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects, threads: int) -> tup
     load, _ = access(real, 4)
     warmed = effects.function('warmed', wp, real, heat_type(real))
 
-    @quick_kernel(writes='waited')
+    @quick_kernel()
     def wait(thread: int, m: arguments_type(real), rate: wp.float64):
         """Accumulate time; when it suffices, it becomes the duration of an exchange."""
         m.waited[1] = wp.float64(0.0)
@@ -67,7 +67,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects, threads: int) -> tup
                 m.waited[1] = m.waited[0]
                 m.waited[0] = wp.float64(0.0)
 
-    @quick_kernel(writes='exchange warmth')
+    @quick_kernel()
     def add_rates(thread: int, m: arguments_type(real), factor: real):
         """Sum a particle's exchange rates with its neighbours [1/s]."""
         if m.waited[1] == wp.float64(0.0):
@@ -90,7 +90,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects, threads: int) -> tup
             m.exchange[i] = factor * total
             m.warmth[i] = m.particle[i][3]
 
-    @quick_kernel(writes='particle')
+    @quick_kernel()
     def exchange_heat(thread: int, m: arguments_type(real), factor: real, fraction: wp.float64):
         """Exchange heat over a fraction of the duration."""
         if m.waited[1] == wp.float64(0.0):
@@ -122,7 +122,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects, threads: int) -> tup
             else:
                 m.particle[i] = vec4(now[0], now[1], now[2], own + rise)
 
-    @quick_kernel(writes='warmth')
+    @quick_kernel()
     def keep(thread: int, m: arguments_type(real)):
         if m.waited[1] > wp.float64(0.0):
             for i in range(thread, m.counts[PARTICLES], threads):

@@ -168,7 +168,7 @@ def _velocity_kernel(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
     velocity_of = _velocity_function(real, lanes, parts, is_wide)
     limit_speed = speed_limit_function(real)
 
-    @quick_kernel(writes='flow')
+    @quick_kernel()
     def green_velocity(thread: int, m: arguments_type(real)):
         i = thread // lanes
         lane = thread % lanes
@@ -192,7 +192,7 @@ def _motion_kernel(
     velocity_of = _velocity_function(real, lanes, parts, is_wide)
     limit_speed = speed_limit_function(real)
 
-    @quick_kernel(writes=(motion, choose_and_emit), bounds=bounds)
+    @quick_kernel(bounds=bounds)
     def green_motion(thread: int, limits: StepLimits, outlets: Outlets, m: arguments_type(real)):
         if wp.static(choose_and_emit is not None):
             if thread < wp.static(FIRST_BLOCK):

@@ -131,7 +131,7 @@ def _kernels(
     if is_wide and kernel.wide_terms:
         sums_around = _wide_sums_function(kernel.wide_terms)
 
-    @quick_kernel(writes='layer solution correction flow')
+    @quick_kernel()
     def start(i: int, m: arguments_type(real)):
         """Start from the local velocity; store the values that a sweep reads contiguously."""
         if i < m.counts[at.PARTICLES]:
@@ -145,9 +145,7 @@ def _kernels(
                 drags = f[0] * steep(gradient_at(m.ground, p[0], p[1]))
                 m.flow[i] = vec3(drags, f[1], f[2])
 
-    @quick_kernel(
-        writes='next_solution correction', bounds=FEW_THREADS if parts > lanes else _MANY_THREADS
-    )
+    @quick_kernel(bounds=FEW_THREADS if parts > lanes else _MANY_THREADS)
     def sweep(
         thread: int, m: arguments_type(real), momentum: real, relaxation: real,
         solution: wp.array(dtype=vec2), next_solution: wp.array(dtype=vec2),
@@ -177,7 +175,7 @@ def _kernels(
         m.correction[i] = change
         next_solution[i] = u + change
 
-    @quick_kernel(writes='flow rates')
+    @quick_kernel()
     def finish(i: int, m: arguments_type(real), solution: wp.array(dtype=vec2)):
         if i < m.counts[at.PARTICLES]:
             p = load(m.layer, i)

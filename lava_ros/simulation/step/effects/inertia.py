@@ -163,7 +163,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
             return real(1.0) / (real(1.0) + wp.dot(ground, ground))
         return real(1.0)
 
-    @quick_kernel(writes='flow kick rates')
+    @quick_kernel()
     def synchronize(i: int, m: arguments_type(real), number: real):
         """Compute the acceleration, the velocity half a step after the stored one, and limits."""
         if i >= m.counts[at.PARTICLES]:
@@ -192,7 +192,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
         raised(m.rates, at.DIFFUSION, real(2.0) * square * mobility / (drag + root) + advection)
         raised(m.rates, at.ADVECTION, advection)
 
-    @quick_kernel(writes='velocity slope')
+    @quick_kernel()
     def accelerate(i: int, m: arguments_type(real)):
         if i >= m.counts[at.PARTICLES]:
             return
@@ -255,7 +255,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
                 if work > given:
                     m.slope[i] = m.slope[i] * (given / work)
 
-    @quick_kernel(writes='flow')
+    @quick_kernel()
     def adopt(i: int, m: arguments_type(real)):
         if i < m.counts[at.PARTICLES]:
             m.flow[i] = vec3(m.flow[i][0], m.velocity[i][0], m.velocity[i][1])

@@ -44,7 +44,7 @@ MIN_SPLIT_AREA = 2.5
 def _kernels(form: Form, is_ordered: bool, threads: int) -> tuple[Any, ...]:
     real = form.real
 
-    @quick_kernel(writes='moved slots')
+    @quick_kernel()
     def wait(thread: int, m: arguments_type(real), every: wp.float64):
         """Add up the displacement of the fastest particle; ``moved[1]`` is 1 if it suffices."""
         m.moved[1] = wp.float64(0.0)
@@ -55,7 +55,7 @@ def _kernels(form: Form, is_ordered: bool, threads: int) -> tuple[Any, ...]:
                 m.moved[0] = wp.float64(0.0)
                 m.moved[1] = wp.float64(1.0)
 
-    @quick_kernel(writes='counts')
+    @quick_kernel()
     def count(thread: int, m: arguments_type(real)):
         if m.moved[1] == wp.float64(0.0):
             return
@@ -120,7 +120,7 @@ def _choice_kernel(real: Any, threads: int) -> Any:
         else:
             m.partner[i] = nearest
 
-    @quick_kernel(writes='births partner')
+    @quick_kernel()
     def choose(thread: int, m: arguments_type(real), area: real, min_volume: real):
         if m.moved[1] > wp.float64(0.0):
             for i in range(thread, m.births.shape[0], threads):
@@ -166,7 +166,7 @@ def _merge_kernel(form: Form, threads: int) -> Any:
         m.particle[i] = vec4(real(place[0]), real(place[1]), both, real(temperature))
         m.particle[j] = vec4(o[0], o[1], real(0.0), o[3])
 
-    @quick_kernel(writes='particle remainder velocity emission_time temperature_remainder')
+    @quick_kernel()
     def merge(thread: int, m: arguments_type(real)):
         """Merge particles that chose each other."""
         if m.moved[1] > wp.float64(0.0):
@@ -217,9 +217,7 @@ def _split_kernel(form: Form, is_ordered: bool, threads: int) -> Any:
         if wp.static(form.has_temperature_remainder):
             m.temperature_remainder[slot] = m.temperature_remainder[i]
 
-    @quick_kernel(
-        writes='particle remainder velocity emission_time temperature_remainder slots counts'
-    )
+    @quick_kernel()
     def split(thread: int, m: arguments_type(real)):
         if m.moved[1] > wp.float64(0.0):
             for i in range(thread, m.births.shape[0], threads):

@@ -172,7 +172,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     width_of, _, patch_of = _patch_functions(real)
     lay_down = _deposit_function(real)
 
-    @quick_kernel(writes='particle arrived deposit placed')
+    @quick_kernel()
     def freeze(
         thread: int, m: arguments_type(real), solidus: wp.float64, widest: wp.float64,
         exact: ground_type(wp.float64), deposit: wp.array2d(dtype=wp.int64),
@@ -187,7 +187,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
             if wp.float64(p[3]) < solidus and is_known(m.ground, p[0], p[1]):
                 lay_down(i, p, m, widest, exact, deposit, placed)
 
-    @quick_kernel(writes='particle ground.elevation')
+    @quick_kernel()
     def raise_ground(
         thread: int, m: arguments_type(real), widest: wp.float64, exact: ground_type(wp.float64),
         deposit: wp.array2d(dtype=wp.int64), bare: wp.array2d(dtype=real),
