@@ -13,7 +13,7 @@ from lava_ros import validation
 from lava_ros.cli.options import device_named
 from lava_ros.cli.planned import planned
 from lava_ros.cli.run_options import RunOptions, with_method
-from lava_ros.cli.scenes import log_resolution, sourced_scene
+from lava_ros.cli.scenes import log_late, log_resolution, sourced_scene
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.ensemble import (
@@ -60,13 +60,15 @@ def susceptibility_of(options: RunOptions, terrain: Terrain) -> Susceptibility |
 class Wanted(NamedTuple):
     """The ensemble that a user asks for.
 
-    ``inputs`` has path, size and digest of each input file, and ``name`` is for its folder.
+    ``inputs`` has path, size and digest of each input file, ``name`` is for its folder, and
+    ``remarks`` are warnings about the inputs.
     """
 
     plan: Plan
     case: Case | None
     inputs: Sequence[Mapping[str, Any]]
     name: str
+    remarks: Sequence[str]
 
 
 def wanted_ensemble(options: RunOptions) -> Wanted:
@@ -94,14 +96,16 @@ def wanted_ensemble(options: RunOptions) -> Wanted:
             threshold=options.threshold,
         )
         log_resolution(plan.scene, plan.accuracy, forced, plan.horizon, options.threshold)
-        return Wanted(plan, None, found.digests(), options.name)
+        remarks = [*found.remarks, *log_late(plan.scene, plan.horizon)]
+        return Wanted(plan, None, found.digests(), options.name, remarks)
     case = load_case(options.source)
     options = with_method(options, case.scene, case.duration)
     settings = Settings(
         options.preset, options.spacing, options.device, forced, method=options.method
     )
     plan = plan_of(case, settings, threshold=options.threshold)
-    return Wanted(plan, case, case.inputs, case.name)
+    remarks = [*case.remarks, *log_late(plan.scene, plan.horizon)]
+    return Wanted(plan, case, case.inputs, case.name, remarks)
 
 
 def folder_of(

@@ -387,7 +387,8 @@ def _ensemble(folder: Path) -> Run:
     carriers = describe_carriers(
         ran.accuracy.method, f'{float(plan["accuracy"]["spacing"] or 0.0):.3g}'
     )
-    warnings = warnings_of_plan(ran)
+    # an earlier version recorded none of the inputs
+    warnings = list(map(str, manifest.get('warnings') or warnings_of_plan(ran)))
     facts = {
         'computed': _day((folder / 'inundation_probability.tif').stat().st_mtime),
         **_vents(scene),
