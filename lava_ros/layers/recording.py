@@ -6,6 +6,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
+import math
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,9 @@ from lava_ros.layers.frame import Frame, grid_frame, image_frame, LayerFrame, th
 from lava_ros.layers.layer import ARRIVED, IMAGE, INUNDATED, Layer
 from lava_ros.layers.layer_files import layers_from_dict, load_layers
 from lava_ros.scene import MAX_COORDINATE, Terrain
+
+#: Name of the times of the maps that a run was asked for [s] in the description of its bag.
+MAP_TIMES = 'map_times_s'
 
 #: Called with the name of the activity and its completed fraction, 0 to 1.
 Progress = Callable[[str, float], None]
@@ -103,6 +107,9 @@ class Recording:
         self.terrain = self._required('terrain', IMAGE)
         self.terrain_info = self._required('terrain_info', 'nav_msgs/msg/MapMetaData')
         self.vents = self._topic('vents', 'sensor_msgs/msg/PointCloud2')
+        times = _yaml(bag, MAP_TIMES)
+        is_valid = isinstance(times, list) and all(isinstance(item, float) for item in times)
+        self._map_times: list[float] = times if is_valid else []
         scene = _yaml(bag, 'scene')
         self.scene: Mapping[str, Any] = scene if isinstance(scene, Mapping) else {}
         if not isinstance(self.scene.get('terrain', {}), Mapping):
@@ -140,10 +147,21 @@ class Recording:
         Raises:
             LavaError: If the bag is damaged, or has no terrain or no map at that time.
         """
-        end = self.timeline.log_time_at(time)
+        end = self.timeline.log_time_at(self.shown_time(time))
         if time is not None and (end is None or time > self.timeline.last_time):
             raise LavaError('time', time, self.timeline.span)
         return self.frame_logged((self.bag.end_ns or 0) if end is None else end, time)
+
+    def shown_time(self, time: float | None) -> float | None:
+        """Return the simulated time of the newest maps to read up to a time [s]; None for the end.
+
+        A run makes the map of a time at the first end of a step at or after it.
+        """
+        if time is None:
+            return None
+        due = max((item for item in self._map_times if item <= time), default=math.inf)
+        made = (item.time for item in self.timeline.moments if item.time >= due)
+        return max(time, min(made, default=time))
 
     def log_times(self) -> list[int]:
         """Return the log time of the last map of each frame [ns], even without simulated times.

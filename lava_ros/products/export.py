@@ -104,9 +104,10 @@ def export_bag(
         return known[stated]
 
     end = georeference_in(recording.scene)
-    run = recording.timeline.last_run
+    run, asked = recording.timeline.last_run, time
+    time = recording.shown_time(asked)
     if time is not None and not (run and run[0].time <= time <= run[-1].time):
-        raise LavaError('time', time, recording.timeline.span)
+        raise LavaError('time', asked, recording.timeline.span)
     wants_history = bool({'arrival', 'peak_thickness'} & set(maps))
     thickness = [item for item in recording.layers.values() if item.source == THICKNESS]
     if wants_history and thickness:
@@ -147,8 +148,8 @@ def export_bag(
             write_layers(frame, f'_{index:04d}_{seconds}s')
     if last is None:
         target.rmdir()
-        raise recording.missing_error(time, 'terrain and a map')
-    if note := time_note(None if every else time, last):
+        raise recording.missing_error(asked, 'terrain and a map')
+    if note := time_note(None if every else asked, last):
         _LOG.warning(note)
     if not every:
         write_layers(last)
