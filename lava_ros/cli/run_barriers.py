@@ -37,7 +37,7 @@ def barriers_of(options: RunOptions, terrain: Terrain, until: float) -> list[Bar
         expected = f'a time before the end of the run, {duration(until)}'
         raise LavaError('--barriers-at', duration(options.built), expected)
     barriers = read_barriers('--barriers', options.barriers, terrain)
-    # raises for a barrier off the terrain, before the runs
+    # warns of widened crests, before the runs
     with_barriers(terrain, barriers)
     for item in barriers:
         print(item.text())

@@ -99,6 +99,10 @@ class Recording:
                 self.layers[name] = layer
             elif kind and layer in maps:
                 self._leave_out(name, f'the bag has {kind}, the layer is a {layer.message}')
+        if not self.layers and 'ensemble' in bag.custom_data:
+            remedy = 'lava map draws pages of the folder of the ensemble, which has GeoTIFF files'
+            problem = f'{path} has the probabilities of an ensemble, not the maps of one flow'
+            raise RefusalError('bag', problem, remedy)
         if not self.layers and 'scene' in bag.custom_data:
             remedy = 'The command of a run that was interrupted before its first map continues it'
             raise RefusalError('bag', f'{path} has no map', remedy)

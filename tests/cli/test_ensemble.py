@@ -150,6 +150,7 @@ def test_warns_of_what_comes_after_the_end(scene, lines, tmp_path, words):
     (('--workers', '0'), '--workers'),
     (('--workers', '2', '--scheduler', 'tcp://localhost:1'), '--workers'),
     (('--observed', 'outline.tif'), '--observed-at'),
+    (('--observed', 'none.tif', '--observed-at', '30h'), "--observed-at is '30 h', expected"),
     (('--susceptibility', 'none.tif'), '--susceptibility'),
 ])
 def test_refuses_unusable_options(scene, lines, tmp_path, monkeypatch, words, named):

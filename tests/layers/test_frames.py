@@ -122,6 +122,7 @@ def test_image_replaces_a_grid_of_the_same_time(tmp_path):
 
 @pytest.mark.parametrize(('custom_data', 'words'), [
     ({'scene': '{}'}, 'run has no map. The command of a run that was interrupted before'),
+    ({'scene': '{}', 'ensemble': '{}'}, 'run has the probabilities of an ensemble, not the maps'),
     ({}, 'expected a bag with the layers of a simulation'),
 ])
 def test_error_tells_a_run_before_its_first_map_from_other_bags(custom_data, words, tmp_path):
