@@ -6,6 +6,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
+import logging
 import math
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,10 @@ from lava_ros.files.yaml import parse_yaml
 from lava_ros.layers.frame import Frame, grid_frame, image_frame, LayerFrame, threshold_at
 from lava_ros.layers.layer import ARRIVED, IMAGE, INUNDATED, Layer
 from lava_ros.layers.layer_files import layers_from_dict, load_layers
+from lava_ros.layers.numbers import duration
 from lava_ros.scene import MAX_COORDINATE, Terrain
+
+_LOG = logging.getLogger(__name__)
 
 #: Name of the times of the maps that a run was asked for [s] in the description of its bag.
 MAP_TIMES = 'map_times_s'
@@ -125,11 +129,37 @@ class Recording:
             for item in bag.newest([self.georeference], (bag.end_ns or 0) + 1):
                 if stated := recorded_georeference(bag, self.decoder, item):
                     self.scene = georeferenced(self.scene, stated.georeference)
+        if self.unfinished:
+            _LOG.warning(f'{path}: {self.unfinished}')
 
     @property
     def inundation_threshold(self) -> float:
         """Minimum thickness of lava that counts as inundation [m]."""
         return threshold_at(self.timeline.moments[-1] if self.timeline.moments else None)
+
+    @property
+    def unfinished(self) -> str:
+        """Warning about a run that has not reached its end; empty for other bags."""
+        if not self._map_times or self.timeline.last_time >= self._map_times[-1]:
+            return ''
+        end = duration(self._map_times[-1])
+        return f'the run has not reached its end, {end}: the command that began it continues it'
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader of the maps must know of the recording, as sentences."""
+        found = []
+        if self.bag.recovered:
+            found.append(
+                'The recording was cut off, or still continues: data after its last complete '
+                'message are missing.'
+            )
+        found += [f'Part of the bag is damaged or missing: {text}.' for text in self.bag.damage]
+        if len(self.timeline.last_run) < len(self.timeline.moments):
+            found.append('The simulation was reset during the recording: this is the last run.')
+        if text := self.unfinished:
+            found.append(f'{text[0].upper()}{text[1:]}.')
+        return found
 
     @property
     def topics(self) -> set[str]:
