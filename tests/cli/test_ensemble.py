@@ -21,7 +21,7 @@ from lava_ros.cli.options import seconds_of
 from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
 from lava_ros.layers.forecast import occupancy
-from lava_ros.layers.numbers import area_words
+from lava_ros.layers.numbers import area_words, duration
 from lava_ros.products.run_page import read_run
 from lava_ros.scene.features import load_features
 
@@ -278,7 +278,8 @@ def test_effects_switched_on_by_the_flow_are_reported(scene, tmp_path):
     (item,) = found['switched_on']
     assert (item['effect'], item['member']) == ('yielding', 0)
     assert item['number'] > item['threshold']
-    reason = f'Bingham number = {item["number"]:.2g} > 0.01 in member 0 at {item["time_s"]:.4g} s'
+    time = duration(item['time_s'])
+    reason = f'Bingham number = {item["number"]:.2g} > 0.01 in member 0 at {time}'
     assert f'yielding is switched on for all members from the start: {reason}' in warned
     assert f'yielding was switched on from the start: {reason}\n' in output
     (change,) = json.loads(BagReader(out / 'atlas').custom_data['effects'])
