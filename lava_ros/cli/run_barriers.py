@@ -90,5 +90,8 @@ def print_comparison(compared: dict[str, Any]) -> None:
         without, built = (area_words(areas[case]) for case in ('without', 'with'))
         print(f'{name:>13}: {without} without barriers, {built} with them')
     if compared['places']:
-        print('\n'.join(table_lines(place_texts(compared['places']), '<>>>>')))
+        texts = place_texts(
+            compared['places'], is_ensemble='inundated' not in compared['area_m2']
+        )
+        print('\n'.join(table_lines(texts, '<>>>>'[:len(texts[0])])))
     print('\n'.join(f'written to {path}' for path in compared['files']))
