@@ -49,7 +49,7 @@ def observation_of(
     seen = options.observed_at
     if seen > until:
         expected = f'a time at or before the end of the run, {duration(until)}'
-        raise LavaError('--observed-at', duration(seen), expected)
+        raise LavaError('--observed-at', seen, expected)
     outline = Outline(seen, *observed_in_file(options.observed, terrain))
     return outline, f'{Path(options.observed).name}, {seen:g} s after the start'
 

@@ -35,7 +35,7 @@ def barriers_of(options: RunOptions, terrain: Terrain, until: float) -> list[Bar
         raise validation.conflict('--barriers', '--observed')
     if options.built >= until:
         expected = f'a time before the end of the run, {duration(until)}'
-        raise LavaError('--barriers-at', duration(options.built), expected)
+        raise LavaError('--barriers-at', options.built, expected)
     barriers = read_barriers('--barriers', options.barriers, terrain)
     # warns of widened crests, before the runs
     with_barriers(terrain, barriers)

@@ -36,7 +36,7 @@ _ARGUMENTS = {'path': 'scene', 'effusion_rate': 'discharge', 'start': 'eruption_
 #: Names of the fields of a source on the command line.
 WORDS = {
     item.name: f'--{item.name.replace("_", "-")}' for item in fields(SceneSource)
-} | {'path': 'scene'}
+} | {'path': 'scene', 'events': '--terrain-at', 'emplaced_flows': '--emplaced-flow'}
 
 
 def source_of(args: argparse.Namespace) -> SceneSource:

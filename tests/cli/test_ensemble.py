@@ -135,7 +135,7 @@ def test_warns_of_what_comes_after_the_end(scene, lines, tmp_path, words):
     assert all(text in page for text in late)
     command[3] = tmp_path / 'other'
     error = refused(*command, '--barriers', lines, '--barriers-at', '3min')
-    assert "--barriers-at is '3 min', expected a time before the end of the run, 3 min" in error
+    assert "--barriers-at is '3min', expected a time before the end of the run, 3 min" in error
 
 
 @pytest.mark.parametrize(('words', 'named'), [
@@ -150,7 +150,7 @@ def test_warns_of_what_comes_after_the_end(scene, lines, tmp_path, words):
     (('--workers', '0'), '--workers'),
     (('--workers', '2', '--scheduler', 'tcp://localhost:1'), '--workers'),
     (('--observed', 'outline.tif'), '--observed-at'),
-    (('--observed', 'none.tif', '--observed-at', '30h'), "--observed-at is '30 h', expected"),
+    (('--observed', 'none.tif', '--observed-at', '30h'), "--observed-at is '30h', expected"),
     (('--susceptibility', 'none.tif'), '--susceptibility'),
 ])
 def test_refuses_unusable_options(scene, lines, tmp_path, monkeypatch, words, named):
