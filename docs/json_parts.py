@@ -161,6 +161,7 @@ PLACES = each(keys('A place', {
     'probability_percent': unknown(number('Probability that lava arrives')),
     'probability_text': unknown(text('The probability in words')),
     'arrival_earliest_s': unknown(number('Earliest arrival in any member')),
+    'arrival_earliest_utc': unknown(text('Its date')),
     'front_distance_m': unknown(number('Distance of the place from the lava of a run')),
     **_PARTS,
     **{
@@ -190,7 +191,10 @@ SCORE = {
     'largest_thickness_m': number('Largest thickness'),
     'mapped_thickness_m': number('Emitted volume over the mapped area'),
     'length_error': number('Fraction: relative error of the length'),
-    'area_error': number('Fraction: relative error of the area'),
+    'area_error': number(
+        'Fraction: relative error of the inundated area; at dated outlines, of the area of the '
+        'cells covered at least half'
+    ),
 }
 
 BRIER = {

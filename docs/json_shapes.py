@@ -52,6 +52,7 @@ DATES = keys('Scores at dated outlines', BRIER, _PERSISTENCE, {
 })
 
 SUMMARY = {
+    'warnings': WARNINGS,
     'members': count('Number of members'), 'resumed': count('Members from earlier commands'),
     'effective_members': number('Number of members of equal weight'),
     'sampling_error_percent': number('Standard error of a probability of 50 %'),

@@ -61,7 +61,11 @@ def barrier(args: argparse.Namespace) -> int:
     if args.lines:
         usual = {'height': args.height, 'width': args.width, 'slope': args.slope}
         barriers += read_barriers('--lines', args.lines, before, usual)
-    terrain = with_barriers(before, barriers)
+    try:
+        terrain = with_barriers(before, barriers)
+    except LavaError as error:
+        # the lines of a file have been checked
+        raise error.named('--line') from None
     for item in barriers:
         print(item.text())
     origin = Provenance(Path(args.terrain).name, effects=(), preset='none')

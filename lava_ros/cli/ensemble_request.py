@@ -13,7 +13,8 @@ from lava_ros import validation
 from lava_ros.cli.options import device_named
 from lava_ros.cli.planned import planned
 from lava_ros.cli.run_options import RunOptions, with_method
-from lava_ros.cli.scenes import log_resolution, sourced_scene
+from lava_ros.cli.scenes import log_late, log_resolution, sourced_scene
+from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.ensemble import (
@@ -31,6 +32,7 @@ from lava_ros.forecast.store import stored_spacing
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.probabilistic_score import plan_of
 from lava_ros.hindcast.run import Settings
+from lava_ros.layers.numbers import duration
 from lava_ros.runs.provenance import identity_of
 from lava_ros.runs.store import unused_folder
 from lava_ros.scene import Terrain
@@ -38,11 +40,16 @@ from lava_ros.scene.on_terrain import read_raster_on
 from lava_ros.simulation.presets import preset_accuracy
 
 
-def observation_of(options: RunOptions, terrain: Terrain) -> tuple[Outline | None, str]:
-    """Return the observed lava, None for none, and its description."""
+def observation_of(
+    options: RunOptions, terrain: Terrain, until: float
+) -> tuple[Outline | None, str]:
+    """Return the observed lava during a run up to a time [s], None for none, and a description."""
     if options.observed is None or options.observed_at is None:
         return None, 'none'
     seen = options.observed_at
+    if seen > until:
+        expected = f'a time at or before the end of the run, {duration(until)}'
+        raise LavaError('--observed-at', seen, expected)
     outline = Outline(seen, *observed_in_file(options.observed, terrain))
     return outline, f'{Path(options.observed).name}, {seen:g} s after the start'
 
@@ -60,13 +67,15 @@ def susceptibility_of(options: RunOptions, terrain: Terrain) -> Susceptibility |
 class Wanted(NamedTuple):
     """The ensemble that a user asks for.
 
-    ``inputs`` has path, size and digest of each input file, and ``name`` is for its folder.
+    ``inputs`` has path, size and digest of each input file, ``name`` is for its folder, and
+    ``remarks`` are warnings about the inputs.
     """
 
     plan: Plan
     case: Case | None
     inputs: Sequence[Mapping[str, Any]]
     name: str
+    remarks: Sequence[str]
 
 
 def wanted_ensemble(options: RunOptions) -> Wanted:
@@ -94,14 +103,16 @@ def wanted_ensemble(options: RunOptions) -> Wanted:
             threshold=options.threshold,
         )
         log_resolution(plan.scene, plan.accuracy, forced, plan.horizon, options.threshold)
-        return Wanted(plan, None, found.digests(), options.name)
+        remarks = [*found.remarks, *log_late(plan.scene, plan.horizon)]
+        return Wanted(plan, None, found.digests(), options.name, remarks)
     case = load_case(options.source)
     options = with_method(options, case.scene, case.duration)
     settings = Settings(
         options.preset, options.spacing, options.device, forced, method=options.method
     )
     plan = plan_of(case, settings, threshold=options.threshold)
-    return Wanted(plan, case, case.inputs, case.name)
+    remarks = [*case.remarks, *log_late(plan.scene, plan.horizon)]
+    return Wanted(plan, case, case.inputs, case.name, remarks)
 
 
 def folder_of(

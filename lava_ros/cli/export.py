@@ -8,12 +8,12 @@ import sys
 
 from lava_ros.cli.console import Progress
 from lava_ros.cli.options import argument, command, formats, MAPS, output_option, seconds_of
-from lava_ros.cli.pages import ONE_RUN
 from lava_ros.errors import RefusalError
 
 
 @command(
-    ONE_RUN, '--node', '--threshold', '--epsg',
+    argument('bag', 'RUN', 'folder of a run, bag directory, or .mcap file'),
+    '--node', '--threshold', '--epsg',
     output_option('DIR', 'folder to write to: new or empty', required=True),
     '--at',
     argument(

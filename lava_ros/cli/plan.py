@@ -40,7 +40,12 @@ def plan(args: argparse.Namespace) -> int:
     time that it takes. lava run has the same options.
     """
     from lava_ros.cli.planned import planned, target_of
-    from lava_ros.cli.scenes import log_resolution, scene_from_arguments, settle_method
+    from lava_ros.cli.scenes import (
+        log_late,
+        log_resolution,
+        scene_from_arguments,
+        settle_method,
+    )
     from lava_ros.forecast.sampling import MAX_MEMBERS
     from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.presets import preset_accuracy
@@ -85,6 +90,7 @@ def plan(args: argparse.Namespace) -> int:
     accuracy = preset_accuracy(found.preset, spacing=found.spacing)
     accuracy = replace(accuracy, method=args.method)
     log_resolution(scene, accuracy, forced, until)
+    log_late(scene, until)
     lava = EruptingLava.of(scene)
     print(f'lava: {lava.text()}')
     write_json(

@@ -11,7 +11,8 @@ from typing import Any
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, table_lines
 from lava_ros.cli.run_options import RunOptions
-from lava_ros.layers.numbers import area_words
+from lava_ros.errors import LavaError
+from lava_ros.layers.numbers import area_words, duration
 from lava_ros.products.comparison import compare_runs, place_texts
 from lava_ros.products.gis import Provenance
 from lava_ros.scene import Scene, Terrain
@@ -22,8 +23,8 @@ from lava_ros.scene.reshaping import Barrier, read_barriers, with_barriers
 WITH_BARRIERS, COMPARISON = 'with_barriers', 'comparison'
 
 
-def barriers_of(options: RunOptions, terrain: Terrain) -> list[Barrier]:
-    """Return the barriers that the options name, if any, and print them.
+def barriers_of(options: RunOptions, terrain: Terrain, until: float) -> list[Barrier]:
+    """Return the barriers that the options name for a run up to a time [s], and print them.
 
     Raises:
         LavaError: If an argument or a file is not valid.
@@ -32,8 +33,11 @@ def barriers_of(options: RunOptions, terrain: Terrain) -> list[Barrier]:
         return []
     if options.observed:
         raise validation.conflict('--barriers', '--observed')
+    if options.built >= until:
+        expected = f'a time before the end of the run, {duration(until)}'
+        raise LavaError('--barriers-at', options.built, expected)
     barriers = read_barriers('--barriers', options.barriers, terrain)
-    # raises for a barrier off the terrain, before the runs
+    # warns of widened crests, before the runs
     with_barriers(terrain, barriers)
     for item in barriers:
         print(item.text())
@@ -86,5 +90,8 @@ def print_comparison(compared: dict[str, Any]) -> None:
         without, built = (area_words(areas[case]) for case in ('without', 'with'))
         print(f'{name:>13}: {without} without barriers, {built} with them')
     if compared['places']:
-        print('\n'.join(table_lines(place_texts(compared['places']), '<>>>>')))
+        texts = place_texts(
+            compared['places'], is_ensemble='inundated' not in compared['area_m2']
+        )
+        print('\n'.join(table_lines(texts, '<>>>>'[:len(texts[0])])))
     print('\n'.join(f'written to {path}' for path in compared['files']))

@@ -17,6 +17,7 @@ from lava_ros.cli.options import device_named
 from lava_ros.cli.planned import planned
 from lava_ros.cli.run_options import RunOptions, with_method
 from lava_ros.cli.run_request import simulated
+from lava_ros.cli.scenes import log_late
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.forecast.partner_runs import measure_run
@@ -124,7 +125,7 @@ def _requested(options: RunOptions) -> tuple[Case, Request]:
             )
         return chosen.preset, resolved
 
-    remarks = list(case.remarks)
+    remarks = [*case.remarks, *log_late(case.scene, case.duration)]
     if case.low_pass:
         remarks.append(f'the elevation was smoothed over {case.low_pass:g} m')
     if case.initial is not None:

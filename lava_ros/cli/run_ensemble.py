@@ -6,6 +6,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 import json
+import logging
 from pathlib import Path
 import sys
 import time
@@ -46,14 +47,16 @@ from lava_ros.hindcast.case import Case
 from lava_ros.layers.forecast import HazardMaps
 from lava_ros.products.ensemble_files import write_atlas
 from lava_ros.products.gis import Provenance, require_formats, usual_formats
-from lava_ros.products.run_warnings import warnings_of_plan
-from lava_ros.runs.store import FINISHED, write_record
+from lava_ros.products.run_warnings import sentences, warnings_of_plan
+from lava_ros.runs.store import FINISHED, known_record, write_record
 from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.onset import Onset
 from lava_ros.scene.projection import coordinate_system
 from lava_ros.scene.reshaping import Barrier
 from lava_ros.scene.uncertainty import uncertainty_to_dict
 from lava_ros.simulation.numerical_error import mean_difference, NOT_MEASURED, NumericalError
+
+_LOG = logging.getLogger(__name__)
 
 #: Folders of the maps that are weighted by an observation and, with its time, of new members near
 #: those that agree with it.
@@ -71,6 +74,7 @@ class _Runs:
         kept: Arguments of ``Store`` in addition to folder and plan.
         runner: Function that runs the members.
         where: Description of the machine for the report.
+        remarks: Warnings about the inputs.
         outline: Observed lava; None for none.
         error: Numerical error of a member, once it is measured.
         influences: The quantities that decide the inundated area, once they are known.
@@ -83,6 +87,7 @@ class _Runs:
     kept: dict[str, Any]
     runner: Any
     where: dict[str, Any]
+    remarks: Sequence[str]
     outline: Outline | None
     error: NumericalError | None = None
     influences: Influences | None = None
@@ -111,6 +116,15 @@ class _Runs:
             print('lava run: interrupted; the same command continues', file=sys.stderr)
             raise
         return done, time.monotonic() - started
+
+    def summary(
+        self, plan: Plan, maps: HazardMaps, done: Ensemble, wall: float
+    ) -> dict[str, Any]:
+        """Return the numbers of maps and of the members that took a wall time [s]."""
+        return {
+            **summarize(self.options, plan, maps, done, wall, self.where),
+            'warnings': [*sentences(*self.remarks), *warnings_of_plan(plan)],
+        }
 
     def origin(self, plan: Plan, seen: str = 'none') -> Provenance:
         """Return the origin of maps, for their tags."""
@@ -168,18 +182,19 @@ def run_members(options: RunOptions) -> int:
     wanted = wanted_ensemble(options)
     plan, terrain = wanted.plan, wanted.plan.scene.terrain
     check_places(options.places, terrain)
-    barriers = run_barriers.barriers_of(options, terrain)
+    barriers = run_barriers.barriers_of(options, terrain, plan.horizon)
     susceptibility = susceptibility_of(options, terrain)
     output, described = folder_of(options, wanted, susceptibility)
     crs = coordinate_system(terrain.epsg, terrain.wkt)
     formats = usual_formats(crs) if options.formats is None else options.formats
     require_formats(formats, output, crs)
-    outline, observation = observation_of(options, terrain)
+    outline, observation = observation_of(options, terrain, plan.horizon)
     kept: dict[str, Any] = {'seed': options.seed, 'susceptibility': susceptibility}
     members = draw_members(plan.scene, options.members, **kept)
     check_members(plan.scene, members)
     described = {**kept, **described}
-    runs = _Runs(options, wanted.case, output, described, *runner_of(options, plan), outline)
+    runner = runner_of(options, plan)
+    runs = _Runs(options, wanted.case, output, described, *runner, wanted.remarks, outline)
     plan, found = with_spacing(options, plan, output)
     store = Store(output, plan, **runs.kept)
     if found:
@@ -189,7 +204,7 @@ def run_members(options: RunOptions) -> int:
     if options.scheduler is None:
         runs.error = measure_ensemble_error(store, done.maps.members, device=options.device)
     runs.influences = influences_of(plan.scene, members, store.finished(len(members)))
-    report = summarize(options, plan, done.maps, done, wall, runs.where)
+    report = runs.summary(plan, done.maps, done, wall)
     report |= _described(plan, members, done, runs)
     report |= runs.scores(store, len(members), output)
     runs.keep(plan, done.maps, output, report)
@@ -209,7 +224,22 @@ def run_members(options: RunOptions) -> int:
     write_json(record, options.json)
     print_report({**report, 'quantities': store.record['quantities']}, plan, runs.error)
     print_arrivals(table)
+    _warn_of_stale(output, report['members'])
     return 0
+
+
+def _warn_of_stale(output: Path, members: int) -> None:
+    """Warn of folders in that of an ensemble whose maps are of another number of members."""
+    for name, option in (
+        (WEIGHTED, '--observed'), (run_barriers.WITH_BARRIERS, '--barriers'),
+    ):
+        known = known_record(output / name).get('members', members)
+        if known != members:
+            also = f' and {output / run_barriers.COMPARISON}' if option == '--barriers' else ''
+            _LOG.warning(
+                f'the maps in {output / name}{also} are of {known} members, not of {members}: '
+                f'repeat the command with {option}, or delete them'
+            )
 
 
 def _described(
@@ -222,7 +252,6 @@ def _described(
         'influence': runs.influences.as_dict(),
         'numerical_error': None if runs.error is None else runs.error.as_dict(),
         'erupting_lava': EruptingLava.of(scene).as_dict(),
-        'warnings': warnings_of_plan(plan),
         'difference_of_members': mean_difference(
             0.01 * np.nan_to_num(done.maps.probability), done.maps.members
         ),
@@ -243,7 +272,7 @@ def _weighted(
     options, plan = runs.options, store.plan
     folder = made_folder(runs.output / WEIGHTED)
     store.keep_weights(done.weights, folder)
-    report = summarize(options, plan, done.weighted, done, wall, runs.where)
+    report = runs.summary(plan, done.weighted, done, wall)
     report['observed'] = describe_agreement(done, observation)
     report |= runs.scores(store, options.members, folder, done.weights.values.tolist())
     plain = with_units(report, m='spacing usable_spacing')
@@ -269,7 +298,7 @@ def _posterior(
     store = Store(folder, replace(plan, switched_on=()), posterior=posterior, **runs.kept)
     again, wall = runs.run(store, drawn, 'new members')
     assert again.weights is not None
-    result = summarize(options, store.plan, again.maps, again, wall, runs.where)
+    result = runs.summary(store.plan, again.maps, again, wall)
     result['effective_parents'] = posterior.effective_members
     result['jaccard_mean'] = float(again.weights.jaccard.mean())
     result |= runs.scores(store, len(drawn), folder)
@@ -287,7 +316,7 @@ def _dammed(
     scene = run_barriers.dammed(plan.scene, barriers, options.built)
     other = Store(folder, replace(plan, scene=scene, switched_on=()), **runs.kept)
     again, wall = runs.run(other, members, 'members with barriers')
-    result = summarize(options, other.plan, again.maps, again, wall, runs.where)
+    result = runs.summary(other.plan, again.maps, again, wall)
     runs.keep(other.plan, again.maps, folder, result)
     other.finish(with_units(result, m='spacing usable_spacing'))
     return run_barriers.compare(options, runs.output, folder, barriers, runs.origin(other.plan))

@@ -12,7 +12,7 @@ from lava_ros.cli.console import Progress
 from lava_ros.cli.options import device_named
 from lava_ros.cli.planned import planned
 from lava_ros.cli.run_options import RunOptions, with_method
-from lava_ros.cli.scenes import log_resolution, sourced_scene
+from lava_ros.cli.scenes import log_late, log_resolution, sourced_scene
 from lava_ros.forecast.preset_spacing import choose_spacing
 from lava_ros.runs.scene_run import Request, SceneRun
 from lava_ros.scene import Scene
@@ -62,7 +62,7 @@ def request_of(options: RunOptions) -> Request:
         forced=forced,
         device=device,
         inputs=sourced.digests(),
-        remarks=sourced.remarks,
+        remarks=[*sourced.remarks, *log_late(scene, until)],
         output=options.output,
     )
 

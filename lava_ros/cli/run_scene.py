@@ -31,7 +31,7 @@ def run_scene(options: RunOptions) -> int:
     request = request_of(options)
     terrain = request.scene.terrain
     check_places(options.places, terrain)
-    barriers = run_barriers.barriers_of(options, terrain)
+    barriers = run_barriers.barriers_of(options, terrain, request.until)
     if barriers:
         built = {'barriers': [asdict(item) for item in barriers], 'built_s': options.built}
         request = replace(request, settings={**request.settings, **built})

@@ -16,6 +16,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.cli.options import seconds_of
 from lava_ros.errors import Typed
+from lava_ros.layers.numbers import duration
 from lava_ros.scene import KELVIN, Scene
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.source import SceneSource, SourcedScene
@@ -35,7 +36,7 @@ _ARGUMENTS = {'path': 'scene', 'effusion_rate': 'discharge', 'start': 'eruption_
 #: Names of the fields of a source on the command line.
 WORDS = {
     item.name: f'--{item.name.replace("_", "-")}' for item in fields(SceneSource)
-} | {'path': 'scene'}
+} | {'path': 'scene', 'events': '--terrain-at', 'emplaced_flows': '--emplaced-flow'}
 
 
 def source_of(args: argparse.Namespace) -> SceneSource:
@@ -125,6 +126,23 @@ def log_resolution(
     """
     for text in resolution_of(scene, accuracy, forced, horizon=horizon).warnings(threshold):
         _LOG.warning(text)
+
+
+def log_late(scene: Scene, until: float) -> list[str]:
+    """Log and return warnings about what the scene has only after a run up to a time [s]."""
+    end = f'after the end of the run, {duration(until)}'
+    texts = [
+        f'{event.text} at {duration(event.time)} comes {end}, and has no effect'
+        for event in scene.events if event.time >= until
+    ]
+    texts += [
+        f'the effusion of {vent.name or "a vent"} begins at {duration(opening)}, {end}'
+        for vent in scene.vents
+        if not vent.volume_between(0.0, until) and (opening := vent.next_opening(until)) < math.inf
+    ]
+    for text in texts:
+        _LOG.warning(text)
+    return texts
 
 
 def _log_vents(scene: Scene) -> None:

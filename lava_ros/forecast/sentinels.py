@@ -21,6 +21,7 @@ import logging
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.effects import EFFECTS
+from lava_ros.layers.numbers import duration
 from lava_ros.simulation.selection import decide_by
 from lava_ros.simulation.setup.review import called_for, watched_effects
 
@@ -75,7 +76,7 @@ class CalledEffect:
         """Short reason why the effect is on."""
         symbol = EFFECTS[self.effect].symbol
         text = f'{symbol} = {self.number:.2g} > {self.threshold:.2g}'
-        return f'{text} in member {self.member} at {self.time_s:.4g} s'
+        return f'{text} in member {self.member} at {duration(self.time_s)}'
 
 def is_sentinel(index: int) -> bool:
     """Return True if the member with this index is a sentinel."""

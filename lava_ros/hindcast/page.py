@@ -22,6 +22,7 @@ from lava_ros.layers.numbers import area_words, duration, percent
 from lava_ros.products.gis import Provenance, write_grid
 from lava_ros.products.raster_layers import NODATA
 from lava_ros.products.report.static_page import write_static_page
+from lava_ros.products.run_warnings import sentences
 from lava_ros.products.sheet import draw_sheet, Panel
 from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.lava import constant_units, Lava
@@ -65,7 +66,7 @@ def write_page(
         template='hindcast.html',
         title=f'Hindcast: {case.title}',
         subtitle=case.source or case.name,
-        warnings=[f'{text[0].upper()}{text[1:]}.' for text in remarks],
+        warnings=sentences(*remarks),
         facts={
             'lava': EruptingLava.of(case.scene).text(),
             **facts(judged, result, error, several, dated),

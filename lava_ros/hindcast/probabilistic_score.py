@@ -149,14 +149,18 @@ def score_probability(probability: np.ndarray, came: np.ndarray) -> dict[str, An
 
     Returns:
         Brier score, its skill against the base rate, this rate, the bins of the reliability
-        diagram, and the largest gap in a bin of at least ``CELLS`` cells (None without such a
-        bin).
+        diagram, and the largest gap in a bin of at least ``CELLS`` cells with lava in a member or
+        on the map (None without such a bin).
     """
     forecast = np.asarray(probability, dtype=np.float64) / 100.0
     near = np.where((forecast > 0.0) | came, forecast, np.nan)
     # bins of all cells, because in ``near`` all cells with a probability of 0 were inundated
     parts, bins = brier_parts(near, came), reliability(forecast, came)
-    gaps = [abs(item.forecast - item.observed) for item in bins if item.count >= CELLS]
+    # a bin without lava, in a forecast or on the map, would always agree
+    gaps = [
+        abs(item.forecast - item.observed) for item in bins
+        if item.count >= CELLS and (item.forecast or item.observed)
+    ]
     return {
         'cells': int(np.isfinite(near).sum()),
         'base_rate': float(came[np.isfinite(near)].mean()),

@@ -79,7 +79,7 @@ class OutlineScore:
         jaccard: Cells in both over cells in either.
         recall: Inundated fraction of the mapped cells.
         precision: Mapped fraction of the inundated cells.
-        area_error: Relative error of the inundated area, positive if it is too large.
+        area_error: Relative error of the area of the inundated cells, positive if it is too large.
         length_error: Relative error of the runout length, positive if it is too long.
     """
 

@@ -120,18 +120,19 @@ OFF_MAP = 'off the map'
 
 _UNKNOWN = dict.fromkeys(QUANTILES)
 
-#: Columns with the dates of arrival, by the fraction of the members.
-DATES = {fraction: f'arrival_p{100 * fraction:.0f}_utc' for fraction in QUANTILES}
+_MEASURED = tuple(dict.fromkeys(
+    name
+    for kind in _MEASURES
+    for name in PlaceArrival('', kind, 0.0, None, _UNKNOWN, None, 0.0, _UNKNOWN).record()
+))
+
+#: Columns with the dates of arrival, by the column with the time.
+DATES = {
+    name: f'{name.removesuffix("_s")}_utc' for name in _MEASURED if name.startswith('arrival_')
+}
 
 #: Columns of the table for all kinds of places; JSON has only the columns of the place's kind.
-COLUMNS = tuple(dict.fromkeys([
-    *(
-        name
-        for kind in _MEASURES
-        for name in PlaceArrival('', kind, 0.0, None, _UNKNOWN, None, 0.0, _UNKNOWN).record()
-    ),
-    *DATES.values(),
-]))
+COLUMNS = (*_MEASURED, *DATES.values())
 
 
 def arrivals(
@@ -233,14 +234,14 @@ class ArrivalTable:
         """Return the rows with the date of each arrival; None if it is unknown."""
         return [
             {
-                **row.record(),
+                **record,
                 **{
-                    DATES[part]: None if time is None or self.onset is None
-                    else self.onset.utc(time)
-                    for part, time in row.arrival.items()
+                    date: None if record[time] is None or self.onset is None
+                    else self.onset.utc(record[time])
+                    for time, date in DATES.items()
                 },
             }
-            for row in self.rows
+            for record in (row.record() for row in self.rows)
         ]
 
     def as_texts(self) -> list[tuple[str, ...]]:

@@ -6,6 +6,8 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
+import logging
+import math
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +31,13 @@ from lava_ros.files.yaml import parse_yaml
 from lava_ros.layers.frame import Frame, grid_frame, image_frame, LayerFrame, threshold_at
 from lava_ros.layers.layer import ARRIVED, IMAGE, INUNDATED, Layer
 from lava_ros.layers.layer_files import layers_from_dict, load_layers
+from lava_ros.layers.numbers import duration
 from lava_ros.scene import MAX_COORDINATE, Terrain
+
+_LOG = logging.getLogger(__name__)
+
+#: Name of the times of the maps that a run was asked for [s] in the description of its bag.
+MAP_TIMES = 'map_times_s'
 
 #: Called with the name of the activity and its completed fraction, 0 to 1.
 Progress = Callable[[str, float], None]
@@ -95,6 +103,10 @@ class Recording:
                 self.layers[name] = layer
             elif kind and layer in maps:
                 self._leave_out(name, f'the bag has {kind}, the layer is a {layer.message}')
+        if not self.layers and 'ensemble' in bag.custom_data:
+            remedy = 'lava map draws pages of the folder of the ensemble, which has GeoTIFF files'
+            problem = f'{path} has the probabilities of an ensemble, not the maps of one flow'
+            raise RefusalError('bag', problem, remedy)
         if not self.layers and 'scene' in bag.custom_data:
             remedy = 'The command of a run that was interrupted before its first map continues it'
             raise RefusalError('bag', f'{path} has no map', remedy)
@@ -103,6 +115,9 @@ class Recording:
         self.terrain = self._required('terrain', IMAGE)
         self.terrain_info = self._required('terrain_info', 'nav_msgs/msg/MapMetaData')
         self.vents = self._topic('vents', 'sensor_msgs/msg/PointCloud2')
+        times = _yaml(bag, MAP_TIMES)
+        is_valid = isinstance(times, list) and all(isinstance(item, float) for item in times)
+        self._map_times: list[float] = times if is_valid else []
         scene = _yaml(bag, 'scene')
         self.scene: Mapping[str, Any] = scene if isinstance(scene, Mapping) else {}
         if not isinstance(self.scene.get('terrain', {}), Mapping):
@@ -114,11 +129,37 @@ class Recording:
             for item in bag.newest([self.georeference], (bag.end_ns or 0) + 1):
                 if stated := recorded_georeference(bag, self.decoder, item):
                     self.scene = georeferenced(self.scene, stated.georeference)
+        if self.unfinished:
+            _LOG.warning(f'{path}: {self.unfinished}')
 
     @property
     def inundation_threshold(self) -> float:
         """Minimum thickness of lava that counts as inundation [m]."""
         return threshold_at(self.timeline.moments[-1] if self.timeline.moments else None)
+
+    @property
+    def unfinished(self) -> str:
+        """Warning about a run that has not reached its end; empty for other bags."""
+        if not self._map_times or self.timeline.last_time >= self._map_times[-1]:
+            return ''
+        end = duration(self._map_times[-1])
+        return f'the run has not reached its end, {end}: the command that began it continues it'
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader of the maps must know of the recording, as sentences."""
+        found = []
+        if self.bag.recovered:
+            found.append(
+                'The recording was cut off, or still continues: data after its last complete '
+                'message are missing.'
+            )
+        found += [f'Part of the bag is damaged or missing: {text}.' for text in self.bag.damage]
+        if len(self.timeline.last_run) < len(self.timeline.moments):
+            found.append('The simulation was reset during the recording: this is the last run.')
+        if text := self.unfinished:
+            found.append(f'{text[0].upper()}{text[1:]}.')
+        return found
 
     @property
     def topics(self) -> set[str]:
@@ -140,10 +181,21 @@ class Recording:
         Raises:
             LavaError: If the bag is damaged, or has no terrain or no map at that time.
         """
-        end = self.timeline.log_time_at(time)
+        end = self.timeline.log_time_at(self.shown_time(time))
         if time is not None and (end is None or time > self.timeline.last_time):
             raise LavaError('time', time, self.timeline.span)
         return self.frame_logged((self.bag.end_ns or 0) if end is None else end, time)
+
+    def shown_time(self, time: float | None) -> float | None:
+        """Return the simulated time of the newest maps to read up to a time [s]; None for the end.
+
+        A run makes the map of a time at the first end of a step at or after it.
+        """
+        if time is None:
+            return None
+        due = max((item for item in self._map_times if item <= time), default=math.inf)
+        made = (item.time for item in self.timeline.moments if item.time >= due)
+        return max(time, min(made, default=time))
 
     def log_times(self) -> list[int]:
         """Return the log time of the last map of each frame [ns], even without simulated times.

@@ -10,6 +10,7 @@ import time
 from lava_ros.bag.description import is_on
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import RefusalError
+from lava_ros.layers.numbers import duration
 from lava_ros.live.process_thread import ProcessThread
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
@@ -62,7 +63,7 @@ class ErrorMeasurement(ProcessThread):
         """Return the error and its simulated time, or why it is not yet measured."""
         text = error_text(self.latest)
         if self.latest is not None:
-            return f'{text}, at {self.latest.time:.4g} s'
+            return f'{text}, at {duration(self.latest.time)}'
         reason = self.failure or ('' if self.share() else 'error_share is 0')
         if self.worker.view.repeatable is None and self.worker.view.starts:
             reason = 'the ground has changed under lava'

@@ -3,7 +3,7 @@
 
 """Comparison of two runs, or two ensembles of the same members, without and with barriers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 from lava_ros.files import write_output
 from lava_ros.files.csv import format_table
 from lava_ros.layers.numbers import area_words, duration
+from lava_ros.layers.place_arrivals import OFF_MAP
 from lava_ros.products.arrivals import table_of
 from lava_ros.products.gis import PROBABILITIES, Provenance, write_grid
 from lava_ros.products.run_page import read_run, Run
@@ -127,20 +128,28 @@ def _areas(run: Run) -> dict[str, float]:
     return {'inundated': 0.0 if frame.inundated is None else frame.area(frame.inundated)}
 
 
-def place_texts(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
-    """Format the table of places for people: titles, then a row for each place."""
-    titles = ('place', 'probability without', 'with', 'arrival (50 %) without', 'with')
+def place_texts(rows: Sequence[dict[str, Any]], *, is_ensemble: bool) -> list[tuple[str, ...]]:
+    """Format the table of places for people: titles, then a row for each place.
 
-    def probability(value: float | None) -> str:
-        return '-' if value is None else f'{value:.0f} %'
+    A single run has one time of arrival and no probability.
+    """
+    def probability(row: Mapping[str, Any], case: str) -> str:
+        value = row[f'probability_percent_{case}']
+        return OFF_MAP if value is None else f'{value:.0f} %'
 
-    def moment(value: float | None) -> str:
-        return '-' if value is None else duration(value)
+    def moment(row: Mapping[str, Any], case: str) -> str:
+        value = row[f'arrival_p50_s_{case}']
+        if value is not None:
+            return duration(value)
+        if is_ensemble:
+            return '-'
+        return OFF_MAP if row[f'probability_percent_{case}'] is None else 'not reached'
 
-    return [titles, *(
-        (
-            row['name'], *(probability(row[f'probability_percent_{case}']) for case in _CASES),
-            *(moment(row[f'arrival_p50_s_{case}']) for case in _CASES),
-        )
+    columns = {'probability': probability, 'arrival (50 %)': moment}
+    if not is_ensemble:
+        columns = {'arrival': moment}
+    titles = [text for name in columns for text in (f'{name} without', 'with')]
+    return [('place', *titles), *(
+        (row['name'], *(value(row, case) for value in columns.values() for case in _CASES))
         for row in rows
     )]

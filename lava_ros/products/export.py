@@ -71,7 +71,8 @@ def export_bag(
         time: Simulated time [s] of the newest frame to read; None for the end of the bag.
         every: True to write thickness, temperature and hazard of each frame up to the time.
         threshold: Lava has arrived where its thickness is at or above this value [m]; None for
-            the threshold of the simulation.
+            the threshold of the simulation. With another one, arrival times and the outline are
+            those of the maps in the bag, and ``inundated`` is left out.
         epsg: EPSG code that replaces the coordinate system of the bag.
         offset: Easting and northing [m] of the map frame's origin, for a bag without a coordinate
             system, or together with ``epsg``.
@@ -93,7 +94,8 @@ def export_bag(
     require('rasterio', 'GeoTIFF', str(directory))
     target = Path(directory)
     recording = Recording(path, node=node)
-    threshold = recording.inundation_threshold if threshold is None else threshold
+    own = recording.inundation_threshold
+    threshold = own if threshold is None else threshold
     known: dict[str, Georeference] = {}
 
     def georeference_in(scene: Mapping[str, Any]) -> Georeference:
@@ -104,10 +106,11 @@ def export_bag(
         return known[stated]
 
     end = georeference_in(recording.scene)
-    run = recording.timeline.last_run
+    run, asked = recording.timeline.last_run, time
+    time = recording.shown_time(asked)
     if time is not None and not (run and run[0].time <= time <= run[-1].time):
-        raise LavaError('time', time, recording.timeline.span)
-    wants_history = bool({'arrival', 'peak_thickness'} & set(maps))
+        raise LavaError('time', asked, recording.timeline.span)
+    wants_history = threshold != own or bool({'arrival', 'peak_thickness'} & set(maps))
     thickness = [item for item in recording.layers.values() if item.source == THICKNESS]
     if wants_history and thickness:
         check_threshold(threshold, min(thickness, key=lambda layer: layer.threshold))
@@ -147,15 +150,20 @@ def export_bag(
             write_layers(frame, f'_{index:04d}_{seconds}s')
     if last is None:
         target.rmdir()
-        raise recording.missing_error(time, 'terrain and a map')
-    if note := time_note(None if every else time, last):
+        raise recording.missing_error(asked, 'terrain and a map')
+    if note := time_note(None if every else asked, last):
         _LOG.warning(note)
     if not every:
         write_layers(last)
     for name in ('arrival', 'inundated', 'peak_thickness'):
         if name not in maps:
             continue
-        if name == 'inundated' and last.inundated is not None:
+        if name == 'inundated' and last.inundated is not None and threshold != own:
+            _LOG.warning(
+                f'inundated is left out: the bag has it for lava of {own:g} m or more, not of '
+                f'{threshold:g} m'
+            )
+        elif name == 'inundated' and last.inundated is not None:
             write(name, last, (last.inundated, _inundated_tags(last)), f'{name}.tif')
         elif name != 'inundated' and history.frame is not None:
             write(name, history.frame, _history_map(name, history), f'{name}.tif')
@@ -293,16 +301,18 @@ def _shapes(
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the outline and the isochrones as layers of features.
 
-    The outline surrounds the footprint so far, with the inundated area, or the standing lava if
-    the bag has no arrival times.
+    The outline surrounds the footprint so far, with the inundated area; the cells that lava has
+    reached in the maps for another threshold; or the standing lava if the bag has no thickness.
     """
     cells, part, name = frame.footprint, frame.inundated, 'inundated area'
-    if cells is None and history.times is not None and history.threshold == frame.threshold:
-        cells = part = reached_cells(history.times)
+    threshold = frame.threshold
+    if history.times is not None and (cells is None or history.threshold != threshold):
+        cells, threshold = reached_cells(history.times), history.threshold
+        part = cells
     if cells is None or part is None:
         cells = part = frame.standing
         name = 'standing lava'
-    known = {'inundation_threshold_m': frame.threshold, 'area_m2': frame.area(part)}
+    known = {'inundation_threshold_m': threshold, 'area_m2': frame.area(part)}
     layers = {'outline': gis.area(cells, terrain, shows=name, **known)}
     if 'arrival' in newest:
         layers['isochrones'] = gis.isochrones(

@@ -84,10 +84,12 @@ def titles(frame: Frame) -> tuple[str, str]:
 
 
 def time_note(asked: float | None, frame: Frame) -> str:
-    """Return a note if the maps of a frame are older than the requested time [s]."""
-    if asked is None or frame.time is None or asked - frame.time < 1.0:
+    """Return a note if the maps of a frame are of another time than the requested one [s]."""
+    if asked is None or frame.time is None or abs(asked - frame.time) < 1.0:
         return ''
     shown, wanted = (f'{duration(time)} ({time:.0f} s)' for time in (frame.time, asked))
+    if frame.time > asked:
+        return f'maps at {shown}, the end of the time step that passes {wanted}'
     return f'maps at {shown}, the newest of the recording at or before {wanted}'
 
 

@@ -180,7 +180,7 @@ def _bag(path: Path, node: str | None, time: float | None, wanted: Collection[st
             title = f'Time of arrival of the lava, {frame.threshold:g} m thick'
             maps['arrival'] = Panel(frame, 'arrival', times, title)
     at = [item for item in recording.timeline.last_run if item.time <= (frame.time or math.inf)]
-    warnings = warnings_of_moments(at)
+    warnings = [*recording.warnings, *warnings_of_moments(at)]
     note = time_note(time, frame)
     if note:
         _LOG.warning(f'{path.resolve().name}: {note}')
@@ -387,7 +387,8 @@ def _ensemble(folder: Path) -> Run:
     carriers = describe_carriers(
         ran.accuracy.method, f'{float(plan["accuracy"]["spacing"] or 0.0):.3g}'
     )
-    warnings = warnings_of_plan(ran)
+    # an earlier version recorded none of the inputs
+    warnings = list(map(str, manifest.get('warnings') or warnings_of_plan(ran)))
     facts = {
         'computed': _day((folder / 'inundation_probability.tif').stat().st_mtime),
         **_vents(scene),

@@ -6,6 +6,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 import math
+import re
 from typing import Any
 
 from lava_ros.bag.decoding import Moment
@@ -16,6 +17,9 @@ from lava_ros.simulation.carriers import across_key, METHODS
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.resolution import Resolution, resolution_of
 from lava_ros.simulation.selection import decide, warnings_of
+
+# A word that is not a name of a file, a field or an option.
+_WORD = re.compile(r'[a-z][a-z-]*[:,]?\s')
 
 
 def warnings_of_moments(run: Sequence[Moment]) -> list[str]:
@@ -33,7 +37,7 @@ def warnings_of_moments(run: Sequence[Moment]) -> list[str]:
             f'Volume was not conserved: {part} of it is unaccounted for. Do not trust these maps.'
         )
     elif budgets:
-        found += _sentences(*budgets[-1].warnings_at_end())
+        found += sentences(*budgets[-1].warnings_at_end())
     last, method = run[-1], method_of(run[-1])
     numbers = 'spacing_m', 'flow_width_m', across_key(method)
     spacing, width, across = (last.number(name) for name in numbers)
@@ -42,7 +46,7 @@ def warnings_of_moments(run: Sequence[Moment]) -> list[str]:
     )
     names = 'input_warnings', 'flow_kind_warnings', 'missed_effects'
     texts = (last.values.get(name, '') for name in names)
-    return [*found, *_under_resolved(resolution), *_sentences(*texts)]
+    return [*found, *_under_resolved(resolution), *sentences(*texts)]
 
 
 def method_of(moment: Moment) -> str:
@@ -59,11 +63,15 @@ def warnings_of_plan(plan: Plan) -> list[str]:
     decisions = decide(plan.scene, plan.forced, accuracy=accuracy, horizon=plan.horizon)
     table = {item.name: f'{"on" if item.is_on else "off"}: {item.reason}' for item in decisions}
     unused = unused_velocities(plan.scene.vents, table)
-    return [*_under_resolved(expected), *_sentences(*kind, *warnings_of(decisions), *unused)]
+    return [*_under_resolved(expected), *sentences(*kind, *warnings_of(decisions), *unused)]
 
 
-def _sentences(*phrases: str) -> list[str]:
-    return [f'{text[0].upper()}{text[1:]}.' for text in phrases if text]
+def sentences(*phrases: str) -> list[str]:
+    """Return phrases as sentences; a first word that is a name, such as a file, is unchanged."""
+    return [
+        f'{text[0].upper() if _WORD.match(text) else text[0]}{text[1:]}.'
+        for text in phrases if text
+    ]
 
 
 def _under_resolved(resolution: Resolution) -> list[str]:

@@ -12,6 +12,7 @@ from typing import Any
 
 from lava_ros.bag.description import effect_table, is_on, unused_velocities
 from lava_ros.bag.status_values import numerical_error_values, resolution_values
+from lava_ros.layers.recording import MAP_TIMES
 from lava_ros.runs.drive import drive, Sink
 from lava_ros.runs.map_bag import stamp_at
 from lava_ros.runs.provenance import description, identity_of
@@ -103,7 +104,8 @@ class SceneRun:
             'kind': request.kind, **description(scene, identity, plan, request.inputs),
             'wall_time_s': 0.0, 'effects': [],
         }
-        data = {**request.data, 'begun': record['begun']}
+        times = json.dumps(list(map(float, request.times)))
+        data = {**request.data, 'begun': record['begun'], MAP_TIMES: times}
         self.folder = RunFolder(path, scene.at(0.0), record, data)
         self._earlier, self._begun = self.folder.record['wall_time_s'], wall_clock.monotonic()
         self._wall_time: float | None = None

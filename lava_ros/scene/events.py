@@ -118,8 +118,11 @@ def read_events(
                     terrain = replace(terrain, epsg=ground.epsg, wkt=ground.wkt)
                 check_same_grid(f'{where}.terrain', terrain, ground)
                 event = TerrainEvent(time, f'new ground from {change}', terrain)
-        # raises LavaError for a barrier that touches no cell
-        ground = event.ground(ground, is_told=True)
+        # a barrier that touches no cell
+        try:
+            ground = event.ground(ground, is_told=True)
+        except LavaError as error:
+            raise error.named(f'{where}.{error.field}') from None
         events.append(event)
     return events
 

@@ -134,7 +134,8 @@ def read_barriers(
         usual: Default height and width of the crest [m], and slope.
 
     Raises:
-        LavaError: If the file cannot be read or has points or areas, or a number is not usable.
+        LavaError: If the file cannot be read or has points or areas, a number is not usable, or a
+            line is off the terrain.
     """
     barriers = []
     unknown: list[str] = []
@@ -150,10 +151,14 @@ def read_barriers(
         }
         line = tuple((float(x), float(y)) for x, y in feature.rings[0])
         try:
-            barriers.append(Barrier(line, name=feature.name, **numbers))  # type: ignore[arg-type]
+            barrier = Barrier(line, name=feature.name, **numbers)  # type: ignore[arg-type]
+            # raises for a barrier off the terrain, while its feature is known
+            _added(terrain, barrier, is_told=False)
         except LavaError as error:
             name = error.field.removeprefix('barrier.')
-            raise error.named(f'{feature.where}, {name}') from None
+            value = list(feature.given) if name == 'line' else error.value
+            raise LavaError(f'{feature.where}, {name}', value, error.expected) from None
+        barriers.append(barrier)
     warn_of_unknown(path, 'attributes', unknown, f' (of a barrier: name, {", ".join(LIMITS)})')
     return barriers
 

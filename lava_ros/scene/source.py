@@ -372,9 +372,8 @@ class SceneSource:
         self, terrain: Terrain, known: Sequence[EmplacedFlow]
     ) -> tuple[Terrain, list[EmplacedFlow]]:
         """Return a terrain raised by the given flows that are ground, and all other flows."""
-        terrain, flows = read_flows(
-            'emplaced_flows', list(self.emplaced_flows), Path(), terrain
-        )
+        label = self._word('emplaced_flows')
+        terrain, flows = read_flows(label, list(self.emplaced_flows), Path(), terrain)
         return terrain, [*known, *flows]
 
     def _completed(
@@ -382,7 +381,7 @@ class SceneSource:
     ) -> SourcedScene:
         """Make the scene of plain data and of the inputs that a scene and a case share."""
         events = read_events(
-            'events', list(self.events), Path(), terrain, self._terrain_options()
+            self._word('events'), list(self.events), Path(), terrain, self._terrain_options()
         )
         data['events'] = sorted([*data.get('events', []), *events], key=attrgetter('time'))
         if self.material is not None:

@@ -21,7 +21,7 @@ from lava_ros.cli.options import seconds_of
 from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
 from lava_ros.layers.forecast import occupancy
-from lava_ros.layers.numbers import area_words
+from lava_ros.layers.numbers import area_words, duration
 from lava_ros.products.run_page import read_run
 from lava_ros.scene.features import load_features
 
@@ -107,6 +107,35 @@ def test_barriers_are_compared_with_the_same_members(scene, lines, tmp_path):
     assert table[0].startswith('name,kind,probability_percent_without,probability_percent_with')
     assert table[1].startswith('hut,point,')
     assert (out / 'comparison/barriers.png').stat().st_size > 10_000
+    # the comparison keeps the two members
+    status, _, warned = lava(*words[:7], '3', *words[8:12])
+    assert status == 0
+    assert f'the maps in {out / "with_barriers"} and {out / "comparison"} are of 2' in warned
+
+
+@pytest.mark.parametrize('words', [(), ('--members', 1)], ids=['run', 'ensemble'])
+def test_warns_of_what_comes_after_the_end(scene, lines, tmp_path, words):
+    data = yaml.safe_load(scene.read_text())
+    data['vents'].append(
+        {'position': [300.0, 300.0], 'discharge': [[0, 0], [7200, 9]], 'name': 'upper vent'}
+    )
+    data['events'] = [{'time': 3600.0, 'barriers': 'dams.csv'}]
+    scene.write_text(yaml.safe_dump(data))
+    command = [
+        'run', scene, '-o', tmp_path / 'out', '--until', '3min', '--method', 'cells', '--json',
+        tmp_path / 'report.json', *words,
+    ]
+    status, _, warned = lava(*command)
+    assert status == 0
+    late = ('at 60 min comes after the end of the run, 3 min', 'upper vent begins at 2 h, after')
+    assert all(text in warned for text in late)
+    report = json.loads((tmp_path / 'report.json').read_text())
+    assert all(any(text in item for item in report['warnings']) for text in late)
+    page = ' '.join(read_run(tmp_path / 'out').warnings)
+    assert all(text in page for text in late)
+    command[3] = tmp_path / 'other'
+    error = refused(*command, '--barriers', lines, '--barriers-at', '3min')
+    assert "--barriers-at is '3min', expected a time before the end of the run, 3 min" in error
 
 
 @pytest.mark.parametrize(('words', 'named'), [
@@ -121,6 +150,7 @@ def test_barriers_are_compared_with_the_same_members(scene, lines, tmp_path):
     (('--workers', '0'), '--workers'),
     (('--workers', '2', '--scheduler', 'tcp://localhost:1'), '--workers'),
     (('--observed', 'outline.tif'), '--observed-at'),
+    (('--observed', 'none.tif', '--observed-at', '30h'), "--observed-at is '30h', expected"),
     (('--susceptibility', 'none.tif'), '--susceptibility'),
 ])
 def test_refuses_unusable_options(scene, lines, tmp_path, monkeypatch, words, named):
@@ -248,7 +278,8 @@ def test_effects_switched_on_by_the_flow_are_reported(scene, tmp_path):
     (item,) = found['switched_on']
     assert (item['effect'], item['member']) == ('yielding', 0)
     assert item['number'] > item['threshold']
-    reason = f'Bingham number = {item["number"]:.2g} > 0.01 in member 0 at {item["time_s"]:.4g} s'
+    time = duration(item['time_s'])
+    reason = f'Bingham number = {item["number"]:.2g} > 0.01 in member 0 at {time}'
     assert f'yielding is switched on for all members from the start: {reason}' in warned
     assert f'yielding was switched on from the start: {reason}\n' in output
     (change,) = json.loads(BagReader(out / 'atlas').custom_data['effects'])

@@ -5,6 +5,7 @@
 
 import csv
 from datetime import datetime, timezone
+from itertools import product
 import json
 from pathlib import Path
 import shutil
@@ -123,8 +124,8 @@ def test_arrivals_have_dates_if_the_start_is_known(given: str, tmp_path: Path) -
     assert plain['onset_utc'] == '2006-07-14T22:00:00Z'
     rows = {item['name']: item for item in plain['places']}
     start = datetime(2006, 7, 14, 22, tzinfo=timezone.utc).timestamp()
-    for item in rows.values():
-        time, date = item['arrival_p50_s'], item['arrival_p50_utc']
+    for item, which in product(rows.values(), ('earliest', 'p50')):
+        time, date = item[f'arrival_{which}_s'], item[f'arrival_{which}_utc']
         assert (date is None) is (time is None)
         if time is not None:
             seconds = datetime.fromisoformat(date.replace('Z', '+00:00')).timestamp()

@@ -91,6 +91,21 @@ def test_json_is_the_file_of_the_run_with_its_places(folder, result):
     assert result['settings']['map_times_s'] == [75.0, 100.0, 150.0, 225.0, 300.0]
 
 
+def test_readers_show_the_map_that_a_run_made_for_a_time(folder, result, tmp_path):
+    made = [item.time for item in Recording(folder / 'run').timeline.moments]
+    asked = result['settings']['map_times_s']
+    # at the first end of a step at or after the time
+    assert len(made) == len(asked) and made[:-1] != asked[:-1]
+    for time, expected in zip(asked, made, strict=True):
+        assert Recording(folder / 'run').frame_at(time).time == expected >= time
+        out = tmp_path / f'{time:g}'
+        done('export', folder / 'run', '-o', out, '--maps', 'thickness', '--at', f'{time}s')
+        with rasterio.open(out / 'thickness.tif') as file:
+            assert float(file.tags()['simulated_time_s']) == expected
+    # no map of a later time is shown
+    assert Recording(folder / 'run').frame_at(asked[2] - 1.0).time == made[1]
+
+
 @pytest.fixture(scope='module')
 def maps(folder):
     """Return the folder with the maps of the run as files for a GIS."""

@@ -186,6 +186,10 @@ def test_probabilities_are_scored_where_lava_could_be():
     assert flat['brier_skill_of_terrain'] > 0.0
     perfect = score_probability(100.0 * came, came)
     assert (perfect['brier_score'], perfect['cells']) == (0.0, came.sum())
+    # cells that are dry in the forecast and on the map always agree
+    few = np.zeros(SHAPE)
+    few[0, :5] = 30.0
+    assert score_probability(few, few > 50.0)['largest_gap'] is None
     wrong = score_probability(np.where(beside, 80.0, 0.0), came)
     assert wrong['brier_skill'] < 0.0
     # the bin of a probability of 0 includes the missed cells

@@ -17,6 +17,7 @@ from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.errors import LavaError
 from lava_ros.layers.arrival import Arrival
 from lava_ros.layers.recording import Recording
+from lava_ros.products.run_page import read_run
 from lava_ros.ros import codec
 from lava_ros.scene import Vent
 from recording import growing, RAW_CONFIG, record, TERRAIN, VENT
@@ -122,6 +123,7 @@ def test_image_replaces_a_grid_of_the_same_time(tmp_path):
 
 @pytest.mark.parametrize(('custom_data', 'words'), [
     ({'scene': '{}'}, 'run has no map. The command of a run that was interrupted before'),
+    ({'scene': '{}', 'ensemble': '{}'}, 'run has the probabilities of an ensemble, not the maps'),
     ({}, 'expected a bag with the layers of a simulation'),
 ])
 def test_error_tells_a_run_before_its_first_map_from_other_bags(custom_data, words, tmp_path):
@@ -130,6 +132,18 @@ def test_error_tells_a_run_before_its_first_map_from_other_bags(custom_data, wor
     with pytest.raises(LavaError) as caught:
         Recording(tmp_path / 'run')
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize('end', [800.0, 900.0])
+def test_pages_warn_of_a_run_that_has_not_reached_its_end(end, tmp_path, caplog):
+    times = {'map_times_s': f'[200.0, 500.0, {end}]'}
+    page = read_run(record(tmp_path / 'run', custom_data=times))
+    said = 'he run has not reached its end, 15 min: '
+    shown = [said in text for text in (' '.join(page.warnings), caplog.text)]
+    assert shown == [end > 800.0] * 2
+    # the map for a time that a run was asked for is at the first step after it
+    found = [Recording(tmp_path / 'run').frame_at(time).time for time in (499.0, 500.0)]
+    assert found == [400.0, 600.0]
 
 
 def test_rejects_bags_with_invalid_yaml(tmp_path):

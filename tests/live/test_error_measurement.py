@@ -137,7 +137,7 @@ def test_error_at_the_end_is_that_of_partner_runs(bench, method):
     expected = measure_error(**request)
     assert error.as_dict() == expected.as_dict() and error.method == method
     assert 0.0 < error.inundated.lava < 1.0 and error.inundated.ground > 0.0
-    assert found.error.text() == f'{error.text()}, at 120 s'
+    assert found.error.text() == f'{error.text()}, at 2 min'
 
 
 def test_request_has_the_vents_of_the_whole_run(bench):

@@ -32,7 +32,18 @@ from lava_ros.products.raster_layers import NODATA, RASTER_LAYERS, write_style
 from lava_ros.ros import codec, outputs
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import load_features
-from recording import changed, GRIDS, RAW_CONFIG, record, SECOND, silenced, START, TERRAIN, VENT
+from recording import (
+    changed,
+    GRIDS,
+    growing,
+    RAW_CONFIG,
+    record,
+    SECOND,
+    silenced,
+    START,
+    TERRAIN,
+    VENT,
+)
 
 #: Maps of bags without inundated fractions.
 OWN_MAPS = [name for name in MAPS if name != 'inundated']
@@ -206,6 +217,23 @@ def test_outline_and_isochrones_are_polygons_of_cells(bag, tmp_path):
     found = [(item['properties']['time_s'], item['properties']['area_m2']) for item in isochrones]
     assert found[0] == (300.0, 20 * 25.0) and found[-1] == (900.0, 80 * 25.0)
     assert [item['properties']['time'] for item in isochrones] == ['5 min', '10 min', '15 min']
+
+
+def test_another_threshold_applies_to_every_map_of_an_export(tmp_path, caplog):
+    def arrived(time):
+        columns = np.arange(1.0, TERRAIN.shape[1] + 1.0) * 100.0
+        return np.where(growing(time) > 0.0, columns, np.nan)
+
+    path = record(tmp_path / 'bag', arrived=arrived)
+    done = export_bag(path, tmp_path / 'out', threshold=3.1, formats=('tif', 'geojson'))
+    # 3.26 m to 3.11 m thick
+    area = 4 * 10 * 25.0
+    for name in ('outline', 'isochrones'):
+        features = json.loads((tmp_path / f'out/{name}.geojson').read_text())['features']
+        last = features[-1]['properties']
+        assert (last['inundation_threshold_m'], last['area_m2']) == (3.1, area)
+    assert 'inundated' not in {item.stem for item in done.files}
+    assert 'inundated is left out: the bag has it for lava of 0.1 m or more' in caplog.text
 
 
 def test_rejects_coordinates_outside_the_projection(tmp_path):

@@ -154,7 +154,12 @@ WRONG = {
     'grid of new ground': (Inputs(
         {'events': [LATER | {'terrain': 'wide.npz'}]},
         {'events': [LATER | {'terrain': 'wide.npz'}]}, '--terrain-at 2h wide.npz',
-    ), 'events[0].terrain', 'scene.events[0].terrain', 'events[0].terrain'),
+    ), 'events[0].terrain', 'scene.events[0].terrain', '--terrain-at[0].terrain'),
+    'flow without a thickness': (Inputs(
+        {'emplaced_flows': [{'file': 'old.geojson'}]},
+        {'emplaced_flows': [{'file': 'old.geojson'}]}, '--emplaced-flow old.geojson',
+    ), 'emplaced_flows[0].thickness', 'scene.emplaced_flows[0].thickness',
+       '--emplaced-flow[0].thickness'),
     'name of the scene': (Inputs(
         None, {'path': 'no.yaml'}, 'no.yaml', {'scene': 'no.yaml'},
     ), 'scene', None, 'scene', 'scene'),

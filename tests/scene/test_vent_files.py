@@ -117,6 +117,10 @@ def test_rejects_invalid_barriers(tmp_path):
     path = write(tmp_path / 'b.gpkg', 'MultiPolygon', [SQUARE], {'height': 2.0})
     with pytest.raises(LavaError, match="is 'a Polygon', expected a line"):
         read_barriers('--lines', path, TERRAIN, {'height': None, 'width': 10.0})
+    # the error has the places of the file
+    path.with_name('far.csv').write_text('lon,lat,lon_end,lat_end,height,width\n9,50,9.5,50,5,8\n')
+    with pytest.raises(LavaError, match=r'far.csv.*, line is .*9.5, 50.*expected a line on the'):
+        read_barriers('--barriers', path.with_name('far.csv'), TERRAIN)
 
 
 @pytest.mark.parametrize(('header', 'row'), [

@@ -41,14 +41,7 @@ class Table(NamedTuple):
 
 def warnings(recording: Recording, summary: RunSummary) -> list[str]:
     """Return the warnings at the top of the page, as sentences."""
-    found = []
-    if recording.bag.recovered:
-        found.append('The recording was cut off: data after its last complete message are lost.')
-    found += [f'Part of the bag is damaged or missing: {text}.' for text in recording.bag.damage]
-    moments, run = recording.timeline.moments, recording.timeline.last_run
-    if len(run) < len(moments):
-        found.append('The simulation was reset during the recording: this is the last run.')
-    found += warnings_of_moments(run)
+    found = [*recording.warnings, *warnings_of_moments(recording.timeline.last_run)]
     if 'thickness' in summary.saturated:
         layer = summary.frame.layers['thickness'].layer
         if layer.range is not None:

@@ -187,7 +187,8 @@ def test_page_warns_if_the_bag_was_cut_off(tmp_path):
     assert len(alerts) == 2
     assert read.texts.index('Simulation, not verified.') < read.texts.index('simulated')
     assert read.texts.index(
-        'The recording was cut off: data after its last complete message are lost.'
+        'The recording was cut off, or still continues: data after its last complete message are '
+        'missing.'
     ) < read.texts.index('simulated')
 
 
