@@ -229,6 +229,26 @@ def test_missing_messages_are_reported(
         assert f'{hazard} of /hazard' in report
 
 
+@pytest.mark.parametrize('words', [
+    words for words in BAG_COMMANDS if words[0] not in ('bag recover', 'watch')
+], ids=' '.join)
+def test_cut_off_recording_is_reported(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    command, *arguments = words
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr('lava_ros.clients.player.play', lambda bag, **_: 0)
+    (tmp_path / 'huts.csv').write_text('name,x,y\nhut,300,300\n')
+    (bag / YAML).unlink()
+    path = bag / 'bag_0.mcap'
+    os.truncate(path, places_of(path, Opcode.DATA_END)[0])
+    for option, expected in (((), 1), (('--incomplete',), 0)):
+        shutil.rmtree('out', ignore_errors=True)
+        status, _, report = lava(command, bag, *arguments, *option)
+        assert (status, report.count(f'{bag} was cut off')) == (expected, 1), report
+        assert 'lava bag recover' in report
+
+
 @pytest.mark.parametrize('count', ['many', '-1', '1.5', '[1]'])
 def test_refuses_an_invalid_message_count(bag: Path, count: str) -> None:
     path = bag / YAML
@@ -274,7 +294,7 @@ def test_a_flipped_bit_is_never_silent(
     out, html, huts = tmp_path / 'out', tmp_path / 'out.html', tmp_path / 'huts.csv'
     huts.write_text('name,x,y\nhut,300,300\n')
     commands = {
-        'info': ('bag info', bag, '--json', '-', *['--incomplete'] * (kind == 'cut off')),
+        'info': ('bag info', bag, '--json', '-'),
         'replay': ('ros replay', bag),
         'plot': ('map', bag, '-o', tmp_path / 'out.png'),
         'report': ('map', bag, '-o', html),
@@ -282,6 +302,10 @@ def test_a_flipped_bit_is_never_silent(
         'recover': ('bag recover', bag, '-o', out),
         'places': ('places', bag, huts),
     }
+    if kind == 'cut off':
+        commands |= {
+            name: (*words, '--incomplete') for name, words in commands.items() if name != 'recover'
+        }
     show: dict[str, Callable[[], object]] = {
         'recover': lambda: contents(out),
         'export': lambda: {item.name: item.read_bytes() for item in out.iterdir()},

@@ -98,6 +98,14 @@ class BagReader:
                 message = '%s was cut off: its last %d bytes, an incomplete record, are ignored'
                 _LOG.info(message, item.path, item.rest)
 
+    def warn_if_cut_off(self) -> None:
+        """Log a warning if the recording was cut off; a command then exits with status 1."""
+        if self.recovered:
+            _LOG.warning(
+                '%s was cut off, or is still being recorded; lava bag recover makes a finished '
+                'bag of it', self.path,
+            )
+
     def report_damage(self, text: str) -> None:
         """Add a sentence about a part that is left out to ``damage``, and log it."""
         self.damage += (text,)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
-import logging
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.cli.console import table_lines, with_units, write_json
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from lava_ros.bag.mcap_file import McapFile
     from lava_ros.bag.reader import BagReader
 
-_LOG = logging.getLogger(__name__)
 
 #: Parts of the custom data that are parsed.
 _READ = ('scene', 'effects', 'resumed_from')
@@ -43,12 +41,8 @@ def info(args: argparse.Namespace) -> int:
         print('\n'.join(_lines(bag, data, refused)))
     else:
         write_json(data, args.json)
-    if bag.recovered:
-        _LOG.warning(
-            '%s was cut off, or is still being recorded; lava bag recover makes a finished bag of '
-            'it', bag.path,
-        )
-    return int(bag.recovered and not args.incomplete)
+    bag.warn_if_cut_off()
+    return 0
 
 
 def _as_dict(

@@ -63,8 +63,9 @@ GONE = {
 _EPILOG = """\
 'lava COMMAND --help' describes a command and its options. Exit status: 0 if all
 went well, 1 if something failed or part of a bag is damaged or missing, 2 if the
-input cannot be used, 130 after Ctrl+C. ROS_DOMAIN_ID selects the ROS graph, and
-WARP_CACHE_PATH the folder of the compiled kernels.
+input cannot be used, 130 after Ctrl+C (0 from lava watch, which it ends).
+ROS_DOMAIN_ID selects the ROS graph, and WARP_CACHE_PATH the folder of the
+compiled kernels.
 """
 
 

@@ -50,6 +50,7 @@ def replay(args: argparse.Namespace) -> int:
     offset = seconds_of('--start-offset', args.start_offset, may_be_zero=True)
     wait = seconds_of('--wait-for-subscribers', args.wait_for_subscribers, may_be_zero=True)
     bag = BagReader(args.bag)
+    bag.warn_if_cut_off()
     require_ros()
     from lava_ros.clients.player import play
 

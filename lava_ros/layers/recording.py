@@ -67,18 +67,22 @@ class Recording:
     """
 
     def __init__(
-        self, path: str | Path, *, node: str | None = None, more: Sequence[Layer] = ()
+        self, path: str | Path, *, node: str | None = None, more: Sequence[Layer] = (),
+        may_continue: bool = False,
     ) -> None:
         """Open a bag and find the layers of a node: those that it describes, and ``more``.
 
         ``node`` is the full name or the namespace of the node; None for the only one. A topic of a
-        layer with messages of another type is reported as damage of the bag.
+        layer with messages of another type is reported as damage of the bag, and a recording that
+        was cut off is reported unless it ``may_continue``.
 
         Raises:
             LavaError: If the bag cannot be read, has several nodes and none is named, or has no
                 maps or no terrain.
         """
         self.bag = bag = BagReader(path)
+        if not may_continue:
+            bag.warn_if_cut_off()
         self.decoder = Decoder(bag)
         self._left_out: set[str] = set()
         described = _yaml(bag, 'msg_config')

@@ -183,7 +183,9 @@ class BagFrames(Frames):
                 return
             self._sizes = sizes
             forecasts = [item for item in watched_layers() if item.is_forecast]
-            self._recording = Recording(self._path, node=self._node, more=forecasts)
+            self._recording = Recording(
+                self._path, node=self._node, more=forecasts, may_continue=True
+            )
             self._moments = self._recording.timeline.last_run
             self.times = [item.time for item in self._moments]
             self.method = method_of(self._moments[-1]) if self._moments else METHODS[0]
