@@ -358,6 +358,12 @@ def _check_same(old: Any, new: Any, folder: Path, name: str = '') -> None:
         for key in {**old, **new}:
             inner = f'{name}.{key}' if name else key
             _check_same(old.get(key), new.get(key), folder, inner)
+    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        for index, pair in enumerate(zip(old, new, strict=True)):
+            _check_same(*pair, folder, f'{name}[{index}]')
+    elif isinstance(old or new, list | dict) and old != new:
+        expected = f'the folder of an ensemble with the same {name}, or another folder'
+        raise LavaError('--output', str(folder), expected)
     elif old != new:
         expected = f'{old!r}, the value of the members in {folder}, or another folder'
         raise LavaError(name, new, expected)

@@ -30,6 +30,7 @@ from lava_ros.layers.forecast import HazardMaps
 from lava_ros.layers.places import Places
 from lava_ros.layers.spacing_error import pair_of
 from lava_ros.processes.requests import ChildProcess
+from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation.accuracy import Accuracy
 from slope_scenes import uncertain_scene
 
@@ -166,11 +167,16 @@ def test_folder_of_another_ensemble_is_refused(tmp_path: Path) -> None:
     scene = PLAN.scene
     lava = replace(scene.lava, viscosity=200.0)
     ground = replace(scene.terrain, elevation=scene.terrain.elevation + np.float32(1.0))
+    wide = replace(scene.vents[0], radius=2.0 * scene.vents[0].radius)
+    event = TerrainEvent(600.0, 'new ground', scene.terrain)
     for field, plan, seed in (
         ('seed', PLAN, 2),
         ('plan.horizon_s', replace(PLAN, horizon=7200.0), 1),
         ('scene.lava.viscosity', replace(PLAN, scene=replace(scene, lava=lava)), 1),
         ('elevation', replace(PLAN, scene=replace(scene, terrain=ground)), 1),
+        ('scene.vents[0].radius', replace(PLAN, scene=replace(scene, vents=(wide,))), 1),
+        ('--output', replace(PLAN, scene=replace(scene, vents=(*scene.vents, wide))), 1),
+        ('--output', replace(PLAN, scene=replace(scene, events=(event,))), 1),
     ):
         with pytest.raises(LavaError) as caught:
             Store(tmp_path / 'a', plan, seed=seed)
