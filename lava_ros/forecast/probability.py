@@ -106,7 +106,7 @@ def footprint_by(
     by_then = (footprint.half_sample.astype(np.float64) + 0.5) * plan.interval <= time
     by_then &= footprint.half_sample != NEVER
     inundated[row : row + rows, column : column + columns] = by_then
-    return inundated
+    return inundated & plan.ground_at(time).has_data
 
 
 def spacing_error_of(members: Iterable[Footprint], plan: Plan) -> SpacingError | None:
@@ -208,7 +208,7 @@ class EnsembleAccumulator:
         """
         if not self._total:
             raise LavaError('members', self.count, 'at least one with a weight above 0')
-        terrain = self._plan.scene.terrain
+        terrain = self._plan.ground_at(self._plan.horizon)
 
         def on_terrain(reached_values: np.ndarray, elsewhere: float) -> np.ndarray:
             values = np.full(terrain.shape, elsewhere)

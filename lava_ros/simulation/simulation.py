@@ -293,7 +293,7 @@ class Simulation:
         if not math.isclose(threshold, own):
             raise LavaError('threshold', threshold, f'{own:g} m, the threshold of the simulation')
         self.solver.start_peaks()
-        return Peaks(self.scene.terrain, own, self.time, self.solver.device)
+        return Peaks(self.scene.terrain.shape, own, self.time, self.solver.device)
 
     @property
     def keeps_peaks(self) -> bool:
