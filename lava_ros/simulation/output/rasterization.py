@@ -172,7 +172,7 @@ def _share_out_kernel(real: Any, kernel_name: str) -> Any:
         north = wp.min(cell_at(p[1] + reach, exact.y0, exact.resolution) + 1, exact.rows)
         west = wp.max(cell_at(p[0] - reach, exact.x0, exact.resolution), 0)
         east = wp.min(cell_at(p[0] + reach, exact.x0, exact.resolution) + 1, exact.columns)
-        # and the rounding error of the sum: thousands of cells may be in reach
+        # the sum and its rounding error: thousands of cells may be in reach
         total = real(0.0)
         excess = real(0.0)
         for i in range(south, north):
