@@ -219,7 +219,7 @@ def recorded() -> Iterator[tuple[list[Any], list[Any]]]:
     scene = lava_field(64, compatible(()), 'cpu').scene
     for effects, accuracy in cases:
         solver: Any = Simulation(scene, effects=effects, accuracy=accuracy, device='cpu').solver
-        state, peaks = solver.state, Peaks(scene.terrain, 0.1, 0.0, 'cpu')
+        state, peaks = solver.state, Peaks(scene.terrain.shape, 0.1, 0.0, 'cpu')
         raise_peaks = partial(peaks.observe, state, solver.terrain.known, solver.raster)
         state.launches = _Recorder(state.device)
         for is_gpu in (False, True):

@@ -5,6 +5,8 @@
 
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import accumulate
 import math
 from typing import TYPE_CHECKING
 
@@ -25,7 +27,7 @@ from lava_ros.forecast.sentinels import (
 from lava_ros.layers.spacing_error import COARSER, has_pair, pair_of, SpacingPair
 from lava_ros.runs.drive import driving
 from lava_ros.runs.sinks import PeakSink
-from lava_ros.scene import Scene
+from lava_ros.scene import Scene, Terrain
 from lava_ros.scene.ranges import with_ranges
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
@@ -72,6 +74,20 @@ class Plan:
         """Minimum thickness of lava that has arrived [m]."""
         return self.accuracy.inundation_threshold
 
+    def ground_at(self, time: float) -> Terrain:
+        """Return the ground at a time since the start [s], on which its maps are."""
+        begun = 0.0 if self.start is None else self.start.time
+        # an event at that time changes the ground after the maps
+        return self._grounds[sum(item.time < begun + time for item in self.scene.events)]
+
+    @cached_property
+    def _grounds(self) -> list[Terrain]:
+        """The ground at the start, and after each event of the scene."""
+        return list(accumulate(
+            self.scene.events, lambda ground, event: event.ground(ground),
+            initial=self.scene.terrain,
+        ))
+
     @property
     def interval(self) -> float:
         """Time between two samples [s]."""
@@ -117,8 +133,9 @@ class MemberFields:
         arrival: Time at which lava at or above the threshold touched the cell [s], float32, shape
             [rows, columns] of the part; NaN if it did not before the horizon.
         half_inundated: Time at which it had covered half of the cell [s], as ``arrival``.
-        inundated: Fraction of the cell that it has covered by the horizon, float32, same shape.
-        peak: Largest thickness [m], float32, same shape; 0 without lava.
+        inundated: Fraction of the cell that it has covered by the horizon, float32, same shape; 0
+            where the terrain then has no data.
+        peak: Largest thickness [m], float32, same shape; 0 without lava or data.
         left: Fraction of the emitted volume that has left the map.
         corner: Row and column of the part's first cell.
         called: Effects that the flow of a sentinel needs although they are off in its plan.
@@ -401,8 +418,8 @@ class _MemberSink(PeakSink):
         lost = budget.lost - budget.lost_in_sea
         left = min(max(lost / max(budget.emitted, 1e-9), 0.0), 1.0)
         return MemberFields(
-            self._index, arrival, half_inundated, seen.inundated, np.nan_to_num(seen.thickness),
-            left, seen.corner, self._called,
+            self._index, arrival, half_inundated, np.nan_to_num(seen.inundated),
+            np.nan_to_num(seen.thickness), left, seen.corner, self._called,
         )
 
 

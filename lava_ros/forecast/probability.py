@@ -96,8 +96,9 @@ def footprint_by(
 
     With a usable error of the particle spacing, they are taken at the later time at which the
     member, which is late, has reached the same extent. Times after the horizon are unknown, and
-    are replaced by the horizon.
+    are replaced by the horizon. Cells of which the ground then has no data are left out.
     """
+    has_data = plan.ground_at(time).has_data
     if error is not None and error.is_usable:
         time = min(time * math.exp(error.delay), max(time, plan.horizon))
     inundated = np.zeros(plan.scene.terrain.shape, dtype=bool)
@@ -106,7 +107,7 @@ def footprint_by(
     by_then = (footprint.half_sample.astype(np.float64) + 0.5) * plan.interval <= time
     by_then &= footprint.half_sample != NEVER
     inundated[row : row + rows, column : column + columns] = by_then
-    return inundated
+    return inundated & has_data
 
 
 def spacing_error_of(members: Iterable[Footprint], plan: Plan) -> SpacingError | None:
@@ -208,7 +209,7 @@ class EnsembleAccumulator:
         """
         if not self._total:
             raise LavaError('members', self.count, 'at least one with a weight above 0')
-        terrain = self._plan.scene.terrain
+        terrain = self._plan.ground_at(self._plan.horizon)
 
         def on_terrain(reached_values: np.ndarray, elsewhere: float) -> np.ndarray:
             values = np.full(terrain.shape, elsewhere)

@@ -106,7 +106,8 @@ class WorstCase:
 class HazardMaps:
     """The maps of an ensemble on the cells of the terrain.
 
-    All arrays are float32, have the terrain's shape, and are NaN where the terrain has no data.
+    All arrays are float32, have the terrain's shape, and are NaN where the terrain has no data at
+    the horizon.
 
     Attributes:
         probability: Inundation probability within the horizon, 0 to 100: the fraction of the

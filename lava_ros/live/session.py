@@ -15,7 +15,7 @@ from lava_ros.errors import LavaError, RefusalError
 from lava_ros.live.failures import SimulationError
 from lava_ros.scene import constants_of, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
-from lava_ros.scene.terrain import conflict_of_frames, is_same_ground
+from lava_ros.scene.terrain import is_same_ground
 from lava_ros.scene.vents import are_alike, schedule
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.carriers import COUNTED
@@ -265,9 +265,6 @@ class SimulationSession:
         # publishers often repeat their terrain: an identical terrain changes nothing
         if _is_same(terrain, self.scene.terrain):
             return False
-        conflict = conflict_of_frames(terrain, self.scene.terrain)
-        if conflict and self.simulation is not None and not self._is_without_lava():
-            raise conflict
         scene = replace(self.scene, terrain=terrain)
         if self.simulation is not None:
             self.simulation.set_terrain(terrain)

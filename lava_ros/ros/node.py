@@ -322,7 +322,8 @@ def _run(node: LavaNode, is_stopping: Callable[[], bool]) -> tuple[bool, int]:
     if failure is not None:
         node.get_logger().error(f'cannot resume: {failure}')
     node.get_logger().info('stopped' if ended else 'stopped; a step of the simulation was cut off')
-    executor.shutdown()
+    # an answer that waits for the simulation is never sent
+    executor.shutdown(timeout_sec=0.0)
     status = 0 if failure is None else USAGE_ERROR if isinstance(failure, LavaError) else 1
     return ended, status
 

@@ -5,6 +5,7 @@
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from dataclasses import replace
 from functools import partial
 import time
 from typing import Any, TYPE_CHECKING
@@ -199,12 +200,16 @@ class NodeRuntime:
         """Check settings before they are used.
 
         Raises:
-            LavaError: If the bag cannot be written there, or effects change too often.
+            LavaError: If the bag cannot be written there, the lava cannot come out of the scene's
+                vents, or effects change too often.
         """
         old = self.settings
         # an unchanged name that has become invalid in the meantime does not block other settings
         if settings.bag_directory != old.bag_directory:
             self._bags.folder.path(settings.bag_directory)
+        scene = self.worker.view.scene
+        if scene is not None and settings.constants != old.constants:
+            replace(scene, **settings.constants)
         if (settings.forced, settings.horizon) != (old.forced, old.horizon):
             self.allowance.take('effects')
 

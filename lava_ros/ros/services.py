@@ -1,14 +1,20 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node's services: reset, step, pause, record and save."""
+"""The node's services: reset, step, pause, record and save.
 
-from collections.abc import Callable
+A service that commands the simulation answers when its thread has executed or refused the command.
+Until then the executor runs other callbacks, and polls the waiting answers.
+"""
+
+from collections.abc import Awaitable, Callable
 from concurrent.futures import Future
 from functools import partial
 import traceback
 from typing import Any
 
+from rclpy.callback_groups import ReentrantCallbackGroup
+import rclpy.task
 from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.errors import LavaError, RefusalError
@@ -19,6 +25,8 @@ from lava_ros.ros.runtime import NodeRuntime
 
 def create_services(runtime: NodeRuntime, graph: NodeGraph) -> None:
     """Create the services; the results of commands are reported like the results of inputs."""
+    # the callbacks of the default group would wait for an answer
+    group = ReentrantCallbackGroup()
     logger, worker, take = graph.node.get_logger(), runtime.worker, runtime.allowance.take
 
     def check_active(name: str) -> None:
@@ -26,47 +34,55 @@ def create_services(runtime: NodeRuntime, graph: NodeGraph) -> None:
             remedy = 'Activate it with ros2 lifecycle set'
             raise RefusalError(name, 'The node is inactive', remedy)
 
-    def commanded(name: str, future: Future[None], text: str) -> str:
-        """Return the response to a command, with the reason if it has to wait."""
+    async def commanded(name: str, future: Future[None]) -> None:
+        """Wait until the simulation has executed a command; raise its error if it is refused."""
         runtime.inputs.command(name, future)
-        blocked_by = worker.status.blocked_by
-        return f'{text}, but later: {blocked_by}' if blocked_by else text
+        done = rclpy.task.Future()
+        future.add_done_callback(done.set_result)
+        await done
+        if future.cancelled():
+            raise RefusalError(name, 'A newer call has replaced this one', 'Wait for its answer')
+        future.result()
 
-    def reset(_: Any) -> str:
+    async def reset(_: Any) -> str:
         if worker.view.scene is None:
             problem = 'There is no simulation to reset'
             raise RefusalError('reset', problem, 'Publish a terrain first')
         take('reset')
         logger.info('reset: starting again at time 0')
-        return commanded('reset', worker.reset(), 'starting again at time 0')
+        await commanded('reset', worker.reset())
+        return 'started again at time 0'
 
-    def step(_: Any) -> str:
+    async def step(_: Any) -> str:
         check_active('step')
         state, duration = worker.status.state, runtime.settings.time_scale
         if state is not WorkerState.PAUSED:
             raise RefusalError('step', f'The simulation is {state.value}', 'Pause it first')
-        return commanded('step', worker.step(duration), f'advancing {duration:g} s')
+        await commanded('step', worker.step(duration))
+        return f'advancing {duration:g} s'
 
-    def save(_: Any) -> str:
+    async def save(_: Any) -> str:
         check_active('save')
         take('save')
         return f'saved in {runtime.save()}'
 
-    def pause(request: Any) -> str:
-        text = 'pausing' if request.data else 'resuming'
-        return commanded('pause', runtime.pause(request.data), text)
+    async def pause(request: Any) -> str:
+        await commanded('pause', runtime.pause(request.data))
+        return 'paused' if request.data else 'resumed'
 
-    def record(request: Any) -> str:
+    async def record(request: Any) -> str:
         if not request.data:
             return f'recorded {runtime.stop_recording() or "nothing"}'
         check_active('record')
         take('record')
         return f'recording to {runtime.start_recording()}'
 
-    def answer(action: Callable[[Any], str], request: Any, response: Any) -> Any:
+    async def answer(
+        action: Callable[[Any], Awaitable[str]], request: Any, response: Any
+    ) -> Any:
         """Run ``action`` and fill in the response."""
         try:
-            response.message = action(request)
+            response.message = await action(request)
         except LavaError as error:
             response.message = str(error)
         except Exception as error:
@@ -79,4 +95,5 @@ def create_services(runtime: NodeRuntime, graph: NodeGraph) -> None:
 
     for kind, actions in ((Trigger, (reset, step, save)), (SetBool, (pause, record))):
         for action in actions:
-            graph.create('service', kind, f'~/{action.__name__}', partial(answer, action))
+            name, reply = f'~/{action.__name__}', partial(answer, action)
+            graph.create('service', kind, name, reply, callback_group=group)

@@ -131,7 +131,8 @@ def check_same_grid(field: str, terrain: Terrain, ground: Terrain) -> None:
     """Raise LavaError, which names ``field``, for a terrain on a grid other than the ground's."""
     place, other = ((*one.extent, *one.offset) for one in (terrain, ground))
     is_near = np.allclose(place, other, rtol=0.0, atol=1e-3 * ground.resolution)
-    if is_near and (terrain.shape, terrain.epsg) == (ground.shape, ground.epsg):
+    systems = terrain.georeference.system, ground.georeference.system
+    if is_near and terrain.shape == ground.shape and systems[0] == systems[1]:
         return
     shown, expected = (
         '{} x {} cells of {:.9g} m from easting {:.9g}, northing {:.9g}'.format(
@@ -144,7 +145,7 @@ def check_same_grid(field: str, terrain: Terrain, ground: Terrain) -> None:
     cell = ground.resolution
     options = f'-tr {cell:g} {cell:g} -te {west + x:.10g} {south + y:.10g} '
     options += f'{east + x:.10g} {north + y:.10g}'
-    if terrain.epsg != ground.epsg:
+    if systems[0] != systems[1]:
         options = f'-t_srs EPSG:{ground.epsg} {options}' if ground.epsg else options
         shown += f', {system_name(terrain.epsg, terrain.wkt)}'
         expected += f', {system_name(ground.epsg, ground.wkt)}'

@@ -14,7 +14,7 @@ from lava_ros.effects import Effects
 from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
-from lava_ros.scene.terrain import is_same_ground
+from lava_ros.scene.terrain import conflict_of_frames, is_same_ground
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.memory import within_memory
 from lava_ros.simulation.cells.solver import CellSolver
@@ -293,7 +293,7 @@ class Simulation:
         if not math.isclose(threshold, own):
             raise LavaError('threshold', threshold, f'{own:g} m, the threshold of the simulation')
         self.solver.start_peaks()
-        return Peaks(self.scene.terrain, own, self.time, self.solver.device)
+        return Peaks(self.scene.terrain.shape, own, self.time, self.solver.device)
 
     @property
     def keeps_peaks(self) -> bool:
@@ -353,9 +353,13 @@ class Simulation:
         A terrain is the ground without lava: solidified lava remains on top of it.
 
         Raises:
-            LavaError: If a vent or a future barrier is not on the new terrain, or the spacing is
-                too small for it. The previous terrain then remains.
+            LavaError: If there is lava and the terrain places the map frame elsewhere, a vent or a
+                future barrier is not on the new terrain, or the spacing is too small for it. The
+                previous terrain then remains.
         """
+        conflict = conflict_of_frames(terrain, self.scene.terrain)
+        if conflict is not None and self.budget().emitted > 0.0:
+            raise conflict
         later, scene = terrain, replace(self.scene, terrain=terrain)
         for event in scene.events:
             later = event.ground(later)

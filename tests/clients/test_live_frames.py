@@ -206,7 +206,7 @@ class FakeNode(Watcher):
 
     def _pause(self, request, response):
         self.received.append(request.data)
-        response.message = 'pausing'
+        response.message = 'paused'
         return response
 
 
@@ -242,7 +242,7 @@ def test_commands_reach_the_node_over_the_middleware(live):
         return bool(node.received)
 
     wait(is_asked)
-    wait(lambda: live.answer == 'pause: pausing')
+    wait(lambda: live.answer == 'pause: paused')
     live.command('resume')
     wait(lambda: node.received == [True, False])
 

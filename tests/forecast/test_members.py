@@ -17,12 +17,13 @@ from lava_ros.forecast.members import (
     run_members,
     running,
 )
-from lava_ros.forecast.probability import EnsembleAccumulator, footprint_of
+from lava_ros.forecast.probability import EnsembleAccumulator, footprint_by, footprint_of
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy, METHODS
 
 TERRAIN = Terrain(500.0 - 2.0 * np.add.outer(np.arange(30.0), np.zeros(24)), 20.0)
 
@@ -205,3 +206,39 @@ def test_member_continues_a_running_simulation(device: str) -> None:
     # a discharge does not change what came before it
     there = [np.argwhere(item.arrival == 0.0) + item.corner for item in (same, more)]
     np.testing.assert_array_equal(*there)
+
+
+@pytest.mark.parametrize('method', METHODS)
+@pytest.mark.parametrize('change', ['loses', 'gains'])
+def test_maps_equal_a_run_where_the_ground_loses_or_gains_data(
+    device: str, method: str, change: str
+) -> None:
+    """In a snapshot, cells without data at its time are unknown."""
+    hole, holed = np.zeros(TERRAIN.shape, dtype=bool), TERRAIN.elevation.copy()
+    hole[6:9, 10:14] = True
+    holed[hole] = np.nan
+    before, after = TERRAIN, replace(TERRAIN, elevation=holed)
+    if change == 'gains':
+        before, after = after, before
+    scene = replace(
+        SCENE, terrain=before, vents=SCENE.vents[:1], uncertainty=uncertainty_from_dict({}),
+        events=(TerrainEvent(300.0, change, after), TerrainEvent(600.0, 'later', before)),
+    )
+    accuracy = Accuracy(refinement=0.5, method=method)
+    plan = make_plan(scene, horizon=600.0, accuracy=accuracy, samples=5)
+    (member,) = run_members(plan, [Member(1)], device=device)
+    footprint = footprint_of(member, plan)
+    tally = EnsembleAccumulator(plan)
+    tally.add(footprint)
+    maps = tally.maps()
+    simulation = Simulation(
+        scene, effects=plan.effects, accuracy=plan.accuracy, device=device, horizon=600.0
+    )
+    simulation.advance(600.0)
+    run = simulation.snapshot()
+    assert run.terrain is after and np.isfinite(run.arrived[hole]).any()
+    reached = np.where(after.has_data, 100.0 * np.isfinite(run.arrived), np.nan)
+    np.testing.assert_array_equal(maps.probability, reached)
+    np.testing.assert_array_equal(np.isnan(maps.thickness), np.isnan(run.thickness))
+    assert set(maps.areas(TERRAIN.resolution).values()) == {run.area(run.inundated)}
+    np.testing.assert_array_equal(footprint_by(footprint, plan, 600.0), run.footprint)

@@ -101,24 +101,30 @@ def test_constants_are_those_of_the_scene_only_after_the_next_start(constants, r
         assert all(getattr(scene, name) == value for name, value in constants.items())
 
 
+@pytest.mark.parametrize('interface', ['session', 'simulation'])
 @pytest.mark.parametrize('has_lava', [True, False])
 @pytest.mark.parametrize(('georeference', 'moves'), [
     (Georeference(32633, (4e5, 4e6)), False), (Georeference(32633, (4e5 + 1e-6, 4e6)), False),
     (Georeference(32633, (4e5, 4e6 + 1.0)), True), (Georeference(32634, (4e5, 4e6)), True),
     (Georeference(), False),
 ])
-def test_terrain_in_another_map_frame_is_refused_under_lava(georeference, moves, has_lava):
+def test_terrain_in_another_map_frame_is_refused_under_lava(
+    georeference, moves, has_lava, interface
+):
     session = SimulationSession(settled)
     ground = SLOPE.with_georeference(Georeference(32633, (4e5, 4e6)))
     session.start(Scene(ground, (SLOW,) if has_lava else (), lava=LAVA))
     session.advance(60.0, wall_limit=60.0, max_particles=1000)
     other = replace(SLOPE, elevation=SLOPE.elevation + 1.0).with_georeference(georeference)
+    user = session if interface == 'session' else session.simulation
     if moves and has_lava:
         with pytest.raises(LavaError, match='The map frame of the terrain .* is not that of the'):
-            session.set_terrain(other)
-        assert session.view.scene.terrain is ground
+            user.set_terrain(other)
     else:
-        assert session.set_terrain(other)
+        user.set_terrain(other)
+    used = ground if moves and has_lava else other
+    assert session.simulation.scene.terrain is used
+    assert session.view.scene.terrain is (used if user is session else ground)
     # the frame of a terrain whose frame is unknown may be learnt later
     session.start(Scene(SLOPE, (SLOW,), lava=LAVA))
     session.advance(60.0, wall_limit=60.0, max_particles=1000)

@@ -8,6 +8,7 @@ Messages bypass the middleware, so there is no discovery and no loss.
 
 from collections import deque
 import gc
+import inspect
 from pathlib import Path
 import time
 
@@ -220,7 +221,12 @@ class LocalNode(Asking, Hearing):
 
     def request(self, kind, name, timeout, **fields):
         (service,) = [item for item in self.node.services if item.service_name == name]
-        return service.callback(kind.Request(**fields), kind.Response())
+        answer = service.callback(kind.Request(**fields), kind.Response())
+        if not inspect.iscoroutine(answer):
+            return answer
+        task = self._executor.create_task(answer)
+        self.wait_until(task.done)
+        return task.result()
 
     def names(self):
         """Return its topics and services in the graph, once the graph is up to date."""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rate limits of ROS requests, and requests without limits."""
+"""Answers of services, rate limits of ROS requests, and requests without limits."""
 
 from concurrent.futures import Future
 from types import SimpleNamespace
@@ -26,17 +26,21 @@ ON, OFF, NOTHING = SetBool.Request(data=True), SetBool.Request(data=False), Trig
 
 
 class NodeServices:
-    """Services of a node with stand-ins for their functions, and a clock set by hand."""
+    """Services of a node with stand-ins for their functions, and a clock set by hand.
+
+    ``result`` is the future of all commands of the simulation.
+    """
 
     def __init__(self):
         self.now = 1e6
+        self.result = Future()
         entities, self.worker = Mock(), Mock()
         entities.node.get_clock.return_value = Clock()
         for command in ('reset', 'step'):
-            getattr(self.worker, command).side_effect = lambda *_: Future()
-        self.worker.status = SimpleNamespace(state=WorkerState.PAUSED, blocked_by='')
+            getattr(self.worker, command).return_value = self.result
+        self.worker.status = SimpleNamespace(state=WorkerState.PAUSED)
         self.active = Mock(is_active=True, settings=Settings())
-        self.active.pause.side_effect = lambda paused: Future()
+        self.active.pause.return_value = self.result
         self.inputs = InputSubscribers(entities, self.worker, settings=Settings, steady=Clock())
         self.allowance = Allowance(self.inputs.refuse, lambda: self.now)
         entities.create.reset_mock()
@@ -48,14 +52,21 @@ class NodeServices:
             for call in entities.create.call_args_list
         }
 
-    def call(self, name, request):
+    def ask(self, name, request):
+        """Return a call that has not begun."""
         kind, answer = self.services[name]
         return answer(request, kind.Response())
+
+    def call(self, name, request):
+        """Return the answer to a call whose command the simulation executes."""
+        if not self.result.done():
+            self.result.set_result(None)
+        return answer_to(self.ask(name, request))
 
     def set_effects(self):
         """Change a setting of the effects and return the result as a response."""
         node = SimpleNamespace(
-            settings=Settings(), allowance=self.allowance, _bags=self.active
+            settings=Settings(), allowance=self.allowance, _bags=self.active, worker=self.worker
         )
         try:
             NodeRuntime.check(node, Settings(effects_on=('inertia',)))
@@ -66,6 +77,13 @@ class NodeServices:
     def status(self):
         status = self.inputs.log.status()
         return status.level, {item.key: item.value for item in status.values}
+
+
+def answer_to(call):
+    """Continue a call up to its answer, which must not wait."""
+    with pytest.raises(StopIteration) as end:
+        call.send(None)
+    return end.value.value
 
 
 #: Calls of a client for each limit.
@@ -106,12 +124,33 @@ def test_cheap_services_have_no_limit(name, request_):
     assert 'rejected.' + name not in services.status()[1]
 
 
-def test_delayed_reset_names_what_it_waits_for():
+REFUSED = LavaError('spacing', 1e-9, '> 1e-3 m')
+
+
+@pytest.mark.parametrize(
+    ('finish', 'is_success', 'words'),
+    [
+        (lambda future: future.set_result(None), True, ''),
+        (lambda future: future.set_exception(REFUSED), False, str(REFUSED)),
+        (lambda future: future.set_exception(ValueError('broken')), False, 'ValueError: broken'),
+        (Future.cancel, False, 'A newer call has replaced this one'),
+    ],
+    ids=['executed', 'refused', 'failed', 'replaced'],
+)
+@pytest.mark.parametrize(
+    ('name', 'request_'), [('reset', NOTHING), ('step', NOTHING), ('pause', ON), ('pause', OFF)]
+)
+def test_services_answer_when_the_simulation_has_taken_or_refused_their_command(
+    name, request_, finish, is_success, words
+):
     services = NodeServices()
-    services.worker.status.blocked_by = 'a step takes 3 s or more'
-    answer = services.call('reset', NOTHING)
-    assert answer.success
-    assert answer.message == 'starting again at time 0, but later: a step takes 3 s or more'
+    call = services.ask(name, request_)
+    # waits
+    assert call.send(None) is None
+    finish(services.result)
+    answer = answer_to(call)
+    assert answer.success is is_success
+    assert words in answer.message
 
 
 def test_stopped_recording_is_no_longer_wanted():

@@ -53,7 +53,7 @@ def test_malformed_input_is_logged_and_counted(running):
 
 
 def test_pause_stops_publishing_and_step_advances_one_second(running):
-    assert running.call('pause', True) == {'success': True, 'message': 'pausing'}
+    assert running.call('pause', True) == {'success': True, 'message': 'paused'}
     running.at_rest(*GRIDS)
     seen = len(running.seen)
     running.jump(running.now + 10.0)

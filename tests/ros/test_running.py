@@ -350,3 +350,13 @@ def test_nodes_that_publish_the_same_are_reported(paused, monkeypatch, name, top
     other.destroy_node()
     context.shutdown()
     paused.status_now('inputs', lambda item: not any(word in item['message'] for word in words))
+
+
+def test_reset_and_lava_that_the_simulation_refuses_fail(running):
+    # a value that only the start of a simulation refuses
+    assert running.set(spacing=1e-5)['success']
+    answer = running.call('reset')
+    assert not answer['success'] and 'spacing is 1e-05, expected' in answer['message']
+    answer = running.set(lava__solidus=1400.0)
+    assert not answer['success'] and 'solid' in answer['message']
+    assert running.status_now('simulation')['state'] == 'running'

@@ -21,6 +21,7 @@ from geodata import feature, write_raster
 from lava_ros.errors import LavaError
 from lava_ros.products.export import export_bag
 from lava_ros.scene import Scene, scene_to_dict
+from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.features import read_features
 from lava_ros.scene.on_terrain import read_raster_on
 from lava_ros.scene.projection import coordinate_system, projected, system_name, system_words
@@ -159,6 +160,15 @@ def test_stored_terrains_keep_the_system(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, 'rasterio', None)
     assert load_terrain(tmp_path / 'a.npz').wkt == terrain.wkt
     assert system_words(None, terrain.wkt) == 'unknown, no EPSG code'
+
+
+def test_new_ground_in_another_system_without_a_code_is_refused():
+    ground = replace(TERRAIN, epsg=None, wkt=NATIONAL.to_wkt())
+    event = TerrainEvent(10.0, 'new ground', ground)
+    assert Scene(ground, events=(event,)).events
+    other = replace(event, terrain=replace(ground, wkt=SITE.to_wkt()))
+    with pytest.raises(LavaError, match=r'events\[0\]\.terrain is .* the previous ground'):
+        Scene(ground, events=(other,))
 
 
 def test_maps_of_a_bag_have_its_system(tmp_path, caplog):

@@ -46,12 +46,12 @@ def peaks_of(maps, device):
     terrain = Terrain(np.where(known, 0.0, np.nan), 1.0)
     state = Simulation(Scene(terrain), effects={}, device=device).solver.state
     state.cell_maps.bounds.assign([shape[0], shape[0], shape[1], shape[1]])
-    peaks, shown = Peaks(terrain, 0.1, 0.0, state.device), Shown(shape, state.device)
+    peaks, shown = Peaks(shape, 0.1, 0.0, state.device), Shown(shape, state.device)
     ground = wp.array(known.astype(np.uint8), dtype=wp.uint8, device=state.device)
     for thickness, temperature in maps:
         shown.grids.assign(np.stack([thickness, temperature]).astype(np.float32))
         peaks.observe(state, ground, shown)
-    return peaks, peaks.read(state, tuple(slice(0, count) for count in shape))
+    return peaks, peaks.read(state, terrain, tuple(slice(0, count) for count in shape))
 
 
 def test_bounds_contain_all_covered_cells(device):

@@ -405,7 +405,8 @@ class CellLava:
         # 0 K is lava that was solid throughout
         warm = np.where(temperature > 0.0, temperature, self.scene.lava.solidus)
         warm[~(terrain.has_data[part] & (thickness > 0.0))] = np.nan
-        return peaks.read(self._maps, part, kept=np.stack([thickness, warm]).astype(np.float32))
+        kept = np.stack([thickness, warm]).astype(np.float32)
+        return peaks.read(self._maps, terrain, part, kept=kept)
 
     def read_flow(self) -> ParticleSample:
         """Return the cells whose lava counts as inundation, or all as ``read_sample``.

@@ -61,8 +61,10 @@ class PeakMaps(NamedTuple):
         arrival: First arrival time [s], at or after the first observation, float64, shape [rows,
             columns] of the rectangle; NaN without arrival.
         half_inundated: Time at which lava had covered half of the cell [s], as ``arrival``.
-        inundated: Fraction of the cell that lava has covered so far, float32, same shape.
-        thickness: Largest thickness [m], float32, same shape; NaN where the terrain has no data.
+        inundated: Fraction of the cell that lava has covered so far, float32, same shape; NaN
+            where the terrain has no data now, as in a snapshot.
+        thickness: Largest thickness [m], float32, same shape; NaN where the terrain has no data
+            now.
         temperature: Highest temperature [K], float32, same shape; NaN without lava.
         flaw: Reason why an observation cannot be shown as a map; empty if there is none.
     """
@@ -85,17 +87,19 @@ class Peaks:
 
     COUNT = 2
 
-    def __init__(self, terrain: Terrain, threshold: float, start: float, device: Any) -> None:
+    def __init__(
+        self, shape: tuple[int, int], threshold: float, start: float, device: Any
+    ) -> None:
         """Initialize without observations.
 
         Args:
-            terrain: The ground.
+            shape: Rows and columns of the terrain.
             threshold: Minimum thickness of lava that has arrived [m].
             start: Time of the first observation [s].
             device: Warp device.
         """
-        self._threshold, self._start, self._has_data = threshold, start, terrain.has_data
-        self._shape, self._device = (self.COUNT, *terrain.shape), device
+        self._threshold, self._start = threshold, start
+        self._shape, self._device = (self.COUNT, *shape), device
         #: Number of the flaw (``_FLAWS``) that ``check`` has found.
         self._checked = 0
 
@@ -132,12 +136,14 @@ class Peaks:
         return _FLAWS[number]
 
     def read(
-        self, state: Bounded, part: tuple[slice, slice], *, kept: np.ndarray | None = None
+        self, state: Bounded, terrain: Terrain, part: tuple[slice, slice], *,
+        kept: np.ndarray | None = None,
     ) -> PeakMaps:
         """Return the peaks so far.
 
         Args:
             state: The state of the flow.
+            terrain: The ground now, which may have lost data since the first observation.
             part: Rows and columns.
             kept: Thickness [m] and temperature [K] that the steps themselves have kept, in place
                 of those of the observations, float32, shape [2, rows, columns] of the part.
@@ -148,14 +154,15 @@ class Peaks:
             maps += self._arrays[0][0], self._arrays[0][1]
         arrived, half_inundated, squares, *observed = read_parts(maps, part)
         thickness, temperature = observed if kept is None else kept
-        thickness[~self._has_data[part]] = np.nan
+        missing = ~terrain.has_data[part]
         arrival, half = (
             np.where(times >= 0.0, np.maximum(times.astype(np.float64), start), np.nan)
             for times in (arrived, half_inundated)
         )
         # lava that came and drained between two observations was as thick as the threshold
         least = np.where(arrival > start, np.float32(self._threshold), np.float32(0.0))
-        return PeakMaps(
-            corner, arrival, half, inundated_fraction(arrived, squares.view(np.int32)),
-            np.maximum(thickness, least), temperature, self.flaw(),
-        )
+        thickness = np.maximum(thickness, least)
+        inundated = inundated_fraction(arrived, squares.view(np.int32))
+        for values in (inundated, thickness, temperature):
+            values[missing] = np.nan
+        return PeakMaps(corner, arrival, half, inundated, thickness, temperature, self.flaw())

@@ -172,14 +172,19 @@ def _share_out_kernel(real: Any, kernel_name: str) -> Any:
         north = wp.min(cell_at(p[1] + reach, exact.y0, exact.resolution) + 1, exact.rows)
         west = wp.max(cell_at(p[0] - reach, exact.x0, exact.resolution), 0)
         east = wp.min(cell_at(p[0] + reach, exact.x0, exact.resolution) + 1, exact.columns)
+        # the sum and its rounding error: thousands of cells may be in reach
         total = real(0.0)
+        excess = real(0.0)
         for i in range(south, north):
             dy = (middle(exact.y0, i, exact.resolution) - p[1]) * inverse
             for j in range(west, east):
                 dx = (middle(exact.x0, j, exact.resolution) - p[0]) * inverse
                 square = dx * dx + dy * dy
                 if square < real(1.0) and thickness[i, j] > wp.float32(0.0):
-                    total += real(thickness[i, j]) * shape(wp.sqrt(square))
+                    more = real(thickness[i, j]) * shape(wp.sqrt(square)) - excess
+                    former = total
+                    total = former + more
+                    excess = (total - former) - more
         area = real(exact.resolution * exact.resolution)
         m.contribution[k] = p[2] / (area * total)
         m.home[k] = -1

@@ -241,7 +241,7 @@ class ParticleLava:
         part = slice(0, rows), slice(0, columns)
         if where_wet:
             part = self.raster.window.rectangle(self.state)
-        return peaks.read(self.state, part)
+        return peaks.read(self.state, self.scene.terrain, part)
 
     def draw_maps(self) -> Any:
         """Map the flow of the ordered particles; return the grids of the raster."""
