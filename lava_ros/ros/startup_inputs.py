@@ -304,13 +304,17 @@ def make_simulation(scene: Scene, settings: Settings) -> tuple['Simulation', Met
     choice = settled_method(
         settings.method, scene, accuracy, settings.forced, horizon=settings.horizon
     )
-    simulation = Simulation(
-        scene,
-        accuracy=replace(accuracy, method=choice.method),
-        device=settings.device,
-        effects=settings.forced,
-        horizon=settings.horizon,
-    )
+    try:
+        simulation = Simulation(
+            scene,
+            accuracy=replace(accuracy, method=choice.method),
+            device=settings.device,
+            effects=settings.forced,
+            horizon=settings.horizon,
+        )
+    except LavaError as error:
+        # the parameters have no prefix
+        raise error.named(error.field.removeprefix('accuracy.')) from error
     return simulation, choice
 
 

@@ -13,8 +13,10 @@ from rclpy.parameter import Parameter
 from lava_ros.errors import LavaError
 from lava_ros.ros import node_parameters, parameters
 from lava_ros.ros.executor import start_ros
+from lava_ros.ros.startup_inputs import make_simulation
 from lava_ros.scene import constants_of, Lava
 from ros_domain import own_domain
+from slope_scenes import uncertain_scene
 
 
 def _specs():
@@ -41,6 +43,15 @@ def test_number_has_a_range_with_its_default():
         assert len(ranges) == is_number, spec.name
         for limits in ranges:
             assert limits.from_value <= spec.default <= limits.to_value, spec.name
+
+
+@pytest.mark.parametrize(('field', 'value', 'method'), [
+    ('spacing', 1e-4, 'particles'), ('spacing', 1e-4, 'cells'), ('device', 'cuda:99', 'particles'),
+])
+def test_refusal_of_a_scene_names_the_parameter(field, value, method):
+    settings = parameters.Settings(**{'device': 'cpu', 'method': method, field: value})
+    with pytest.raises(LavaError, match=f'^{field} is {value!r}, expected '):
+        make_simulation(uncertain_scene(1.0), settings)
 
 
 def test_zero_and_empty_mean_automatic():
