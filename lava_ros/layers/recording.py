@@ -4,7 +4,6 @@
 """Frames of maps from the messages of a bag."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property, partial
 import logging
 import math
@@ -14,25 +13,26 @@ from typing import Any
 import numpy as np
 
 from lava_ros.bag import BagReader
-from lava_ros.bag.decoding import (
-    cloud_columns,
-    Decoder,
-    image_array,
-    places_in,
-    read_grid,
-    stamp_of,
-)
+from lava_ros.bag.decoding import Decoder, places_in, stamp_of
 from lava_ros.bag.georeference import georeferenced, MESSAGE, recorded_georeference, TOPIC
 from lava_ros.bag.reader import BagMessage
 from lava_ros.bag.recorded_node import find_node
 from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files.resources import share_path
 from lava_ros.files.yaml import parse_yaml
-from lava_ros.layers.frame import Frame, grid_frame, image_frame, LayerFrame, threshold_at
+from lava_ros.layers.decoded import (
+    GridPlace,
+    image_of,
+    map_of,
+    place_of,
+    vent_points,
+    without_border,
+)
+from lava_ros.layers.frame import Frame, LayerFrame, threshold_at
 from lava_ros.layers.layer import ARRIVED, IMAGE, INUNDATED, Layer
 from lava_ros.layers.layer_files import layers_from_dict, load_layers
 from lava_ros.layers.numbers import duration
-from lava_ros.scene import MAX_COORDINATE, Terrain
+from lava_ros.scene import Terrain
 
 _LOG = logging.getLogger(__name__)
 
@@ -41,9 +41,6 @@ MAP_TIMES = 'map_times_s'
 
 #: Called with the name of the activity and its completed fraction, 0 to 1.
 Progress = Callable[[str, float], None]
-
-# Resolution and origin (x, y) of a grid [m].
-_Place = tuple[float, float, float]
 
 
 def silent(activity: str, fraction: float) -> None:
@@ -284,17 +281,17 @@ class Recording:
         return topic
 
     @cached_property
-    def _grounds(self) -> tuple[set[tuple[int, ...]], set[_Place]]:
+    def _grounds(self) -> tuple[set[tuple[int, ...]], set[GridPlace]]:
         """Shapes and positions of all terrains in the bag."""
         shapes, places = set(), set()
         for message in self.bag.messages((self.terrain, self.terrain_info)):
             if message.topic == self.terrain:
-                shapes.add(_image(self.decoder, message).shape)
+                shapes.add(image_of(self.decoder, message).shape)
             else:
-                places.add(_place(self.decoder, message))
+                places.add(place_of(self.decoder, message))
         return shapes, places
 
-    def _check_ground(self, name: str, shape: tuple[int, ...], place: _Place | None) -> None:
+    def _check_ground(self, name: str, shape: tuple[int, ...], place: GridPlace | None) -> None:
         """Report a map that fits neither the current terrain nor another one in the bag."""
         shapes, places = self._grounds
         if shape not in shapes:
@@ -327,7 +324,7 @@ class _Assembly:
         self.newest: dict[str, BagMessage] = {}
         self._decoded: dict[str, tuple[BagMessage, Any]] = {}
         # the newest metadata and elevations, and the terrain built from them
-        self._ground: tuple[_Place, np.ndarray, Terrain] | None = None
+        self._ground: tuple[GridPlace, np.ndarray, Terrain] | None = None
 
     def missing_input(self) -> str:
         """Return the name of the first missing input of a frame, or an empty text."""
@@ -338,8 +335,8 @@ class _Assembly:
     def frame(self) -> Frame:
         """Return the frame; maps of earlier terrains are left out."""
         recording = self._recording
-        place = self._get(recording.terrain_info, _place)
-        elevation = self._get(recording.terrain, _image)
+        place = self._get(recording.terrain_info, place_of)
+        elevation = self._get(recording.terrain, image_of)
         if self._ground is None or self._ground[0] != place or self._ground[1] is not elevation:
             # the shortest decimal for the float32: 0.1, not 0.10000000149
             resolution = float(str(np.float32(place[0])))
@@ -353,9 +350,9 @@ class _Assembly:
             layer = recording.layers[name]
             # a grid and an image of one source have the same content
             if layer.source not in layers:
-                shown, where = self._get(name, partial(_map, layer))
+                shown, where = self._get(name, partial(map_of, layer))
                 if layer.min_cells and shown is not None:
-                    shown, where = _without_border(shown, where, terrain, place)
+                    shown, where = without_border(shown, where, terrain, place)
                 if shown is None:
                     recording._leave_out(name, 'a map has infinite values')
                 elif shown.values.shape == terrain.shape and where in (place, None):
@@ -370,7 +367,7 @@ class _Assembly:
             resolution=terrain.resolution,
             origin=terrain.origin,
             layers=layers,
-            vents=self._get(recording.vents, _vents) if has_vents else np.empty((0, 2)),
+            vents=self._get(recording.vents, vent_points) if has_vents else np.empty((0, 2)),
             time=recording.timeline.time_at(stamp),
             scene=self._scene(),
         )
@@ -437,63 +434,3 @@ def _namespaces(bag: BagReader, layers: Sequence[Layer]) -> list[str]:
         name for name in found if _type(bag, f'{name.rstrip("/")}/terrain') == IMAGE
     }
     return sorted(with_ground or found)
-
-
-def _image(decoder: Decoder, item: BagMessage) -> np.ndarray:
-    """Return the pixels of an image, float32, shape [rows, columns]."""
-    return decoder.decode(item, lambda image: image_array(image, item.topic).astype(np.float32))
-
-
-def _place(decoder: Decoder, item: BagMessage) -> _Place:
-    def read(info: Any) -> _Place:
-        origin = info.origin.position
-        return (float(info.resolution), float(origin.x), float(origin.y))
-
-    return decoder.decode(item, read)
-
-
-def _map(
-    layer: Layer, decoder: Decoder, message: BagMessage
-) -> tuple[LayerFrame | None, _Place | None]:
-    """Return a map, None with infinite values, and the position of its grid, None for an image."""
-    if layer.message == IMAGE:
-        pixels = _image(decoder, message)
-        return None if np.isinf(pixels).any() else image_frame(layer, pixels), None
-    grid = read_grid(decoder, message)
-    return grid_frame(layer, grid.cells), (grid.resolution, *grid.origin)
-
-
-def _without_border(
-    shown: LayerFrame, where: _Place | None, terrain: Terrain, place: _Place
-) -> tuple[LayerFrame, _Place | None]:
-    """Remove the cells that ``min_cells`` has added around the terrain."""
-    border = shown.layer.border(terrain.shape)
-    (below, _), (left, _) = border
-    whole = tuple(np.add(terrain.shape, np.sum(border, axis=1)))
-    resolution, x, y = place
-    corner = resolution, x - left * resolution, y - below * resolution
-    # the node extends the grid with its resolution in float64
-    if where is None or shown.values.shape != whole or not np.allclose(
-        where, corner, rtol=0.0, atol=1e-3 * resolution
-    ):
-        return shown, where
-    rows, columns = terrain.shape
-    values = shown.values[below : below + rows, left : left + columns]
-    return replace(shown, values=values), place
-
-
-def _vents(decoder: Decoder, item: BagMessage) -> np.ndarray:
-    """Return the map positions of the active vents and ends of fissures, float64, [count, 2]."""
-    names, ends = ('x', 'y', 'discharge'), ('x_end', 'y_end')
-    columns = decoder.decode(item, lambda cloud: cloud_columns(cloud, item.topic, names, ends))
-    points = np.stack([columns[name] for name in names], axis=-1)
-    if all(name in columns for name in ends):
-        others = np.stack([columns[name] for name in (*ends, 'discharge')], axis=-1)
-        points = np.concatenate([points, others[~np.isnan(others[:, :2]).all(axis=1)]])
-    # keeps NaN, which the next check rejects
-    points = points[~(points[:, 2] <= 0.0)]
-    beyond = points[~(np.abs(points) <= MAX_COORDINATE)]
-    if beyond.size:
-        expected = f'coordinates and discharges, at most {MAX_COORDINATE:g} from 0'
-        raise LavaError(f'{item.topic}.data', float(beyond[0]), expected)
-    return points[:, :2]
