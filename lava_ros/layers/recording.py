@@ -147,22 +147,6 @@ class Recording:
         return f'the run has not reached its end, {end}: the command that began it continues it'
 
     @property
-    def warnings(self) -> list[str]:
-        """What a reader of the maps must know of the recording, as sentences."""
-        found = []
-        if self.bag.recovered:
-            found.append(
-                'The recording was cut off, or still continues: data after its last complete '
-                'message are missing.'
-            )
-        found += [f'Part of the bag is damaged or missing: {text}.' for text in self.bag.damage]
-        if len(self.timeline.last_run) < len(self.timeline.moments):
-            found.append('The simulation was reset during the recording: this is the last run.')
-        if text := self.unfinished:
-            found.append(f'{text[0].upper()}{text[1:]}.')
-        return found
-
-    @property
     def topics(self) -> set[str]:
         """Names of the topics of a frame."""
         ground = self.terrain, self.terrain_info, self.georeference

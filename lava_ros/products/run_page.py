@@ -34,8 +34,8 @@ from lava_ros.products.plot import time_note, titles
 from lava_ros.products.run_warnings import (
     error_of_moment,
     method_of,
-    warnings_of_moments,
     warnings_of_plan,
+    warnings_of_recording,
 )
 from lava_ros.products.sheet import Panel
 from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
@@ -180,7 +180,7 @@ def _bag(path: Path, node: str | None, time: float | None, wanted: Collection[st
             title = f'Time of arrival of the lava, {frame.threshold:g} m thick'
             maps['arrival'] = Panel(frame, 'arrival', times, title)
     at = [item for item in recording.timeline.last_run if item.time <= (frame.time or math.inf)]
-    warnings = [*recording.warnings, *warnings_of_moments(at)]
+    warnings = warnings_of_recording(recording, at)
     note = time_note(time, frame)
     if note:
         _LOG.warning(f'{path.resolve().name}: {note}')

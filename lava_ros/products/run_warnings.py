@@ -13,6 +13,7 @@ from lava_ros.bag.decoding import Moment
 from lava_ros.bag.description import unused_velocities
 from lava_ros.forecast.members import Plan
 from lava_ros.layers.numbers import percent
+from lava_ros.layers.recording import Recording
 from lava_ros.simulation.carriers import across_key, METHODS
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.resolution import Resolution, resolution_of
@@ -20,6 +21,21 @@ from lava_ros.simulation.selection import decide, warnings_of
 
 # A word that is not a name of a file, a field or an option.
 _WORD = re.compile(r'[a-z][a-z-]*[:,]?\s')
+
+
+def warnings_of_recording(recording: Recording, run: Sequence[Moment]) -> list[str]:
+    """Return warnings about a recording and a run in it, each a sentence."""
+    bag, timeline = recording.bag, recording.timeline
+    found = []
+    if bag.recovered:
+        found.append(
+            'the recording was cut off, or still continues: data after its last complete message '
+            'are missing'
+        )
+    found += [f'part of the bag is damaged or missing: {text}' for text in bag.damage]
+    if len(timeline.last_run) < len(timeline.moments):
+        found.append('the simulation was reset during the recording: this is the last run')
+    return [*sentences(*found, recording.unfinished), *warnings_of_moments(run)]
 
 
 def warnings_of_moments(run: Sequence[Moment]) -> list[str]:

@@ -21,7 +21,7 @@ from lava_ros.layers.layer import (
 from lava_ros.layers.numbers import area_words, duration, seconds
 from lava_ros.layers.recording import Recording
 from lava_ros.products.report.summary import RunSummary
-from lava_ros.products.run_warnings import method_of, warnings_of_moments
+from lava_ros.products.run_warnings import method_of, warnings_of_recording
 from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.projection import system_name
 from lava_ros.simulation.carriers import across_key, count_key, COUNTED
@@ -41,7 +41,7 @@ class Table(NamedTuple):
 
 def warnings(recording: Recording, summary: RunSummary) -> list[str]:
     """Return the warnings at the top of the page, as sentences."""
-    found = [*recording.warnings, *warnings_of_moments(recording.timeline.last_run)]
+    found = warnings_of_recording(recording, recording.timeline.last_run)
     if 'thickness' in summary.saturated:
         layer = summary.frame.layers['thickness'].layer
         if layer.range is not None:

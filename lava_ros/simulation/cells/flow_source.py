@@ -12,7 +12,7 @@ NEWTONIAN_FACE = """
     };
 """
 
-#: The same by a law: its viscosity [Pa s] and yield strength [Pa].
+#: Constants of a face for lava with a law of its own: viscosity [Pa s] and yield strength [Pa].
 LAW_FACE = """
     auto face_of = [&](long p, long q, const float*, float* mobility, float* held) {
         const float a = y[p], b = y[q], inverse = 1.0f / (a + b + 1e-30f);
