@@ -220,6 +220,20 @@ def read_parts(maps: Sequence[Any], part: tuple[slice, slice]) -> list[np.ndarra
     return [one.reshape(height, width)[:, columns] for one in found]
 
 
+def write_part(array: Any, part: Any, values: np.ndarray) -> None:
+    """Write values to a part of an array, given by a slice or several.
+
+    On a CPU this takes a tenth of the time of Warp's assignment, which first makes another array.
+    """
+    if not array.device.is_cuda:
+        array.numpy()[part] = values
+    elif values.size:
+        target = array[part]
+        # Warp copies from the host to whole rows only
+        device = 'cpu' if target.is_contiguous else array.device
+        wp.copy(target, wp.array(values, dtype=array.dtype, device=device, copy=False))
+
+
 def _read(pieces: Sequence[tuple[Any, int, int]]) -> list[np.ndarray]:
     """Copy items of arrays of a GPU, from a number on and as many as another, to the host.
 

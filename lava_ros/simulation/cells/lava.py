@@ -16,7 +16,7 @@ from lava_ros.effects.laws import Rheology
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
-from lava_ros.simulation.backend.memory import bytes_per_cell, read, read_parts
+from lava_ros.simulation.backend.memory import bytes_per_cell, read, read_parts, write_part
 from lava_ros.simulation.cells.cell_size import doublings_of
 from lava_ros.simulation.cells.columns import Columns
 from lava_ros.simulation.cells.covered import Covered
@@ -137,8 +137,9 @@ class CellLava:
         terrain = self.scene.terrain
         assert self.accuracy.spacing is not None
         self.grid = grid_of(terrain, self.accuracy.spacing)
-        # on another terrain the cells have the size that is nearest to the former one
-        self.accuracy = replace(self.accuracy, spacing=self.grid.resolution)
+        if self.grid.resolution != self.accuracy.spacing:
+            # on another terrain the cells have the size that is nearest to the former one
+            self.accuracy = replace(self.accuracy, spacing=self.grid.resolution)
         self._fraction_with_data = fraction_with_data(terrain, self.grid)
         lava = self.scene.lava
         self.state = CellState(
@@ -295,7 +296,7 @@ class CellLava:
             maps[:, ~terrain.has_data] = np.nan
             # temperature without lava, and times of cells that lava has not reached
             maps[[1, -2, -1]] = np.nan
-            self._grids = wp.array(maps, dtype=wp.float32, device=self.device)
+            self._grids = wp.array(maps, dtype=wp.float32, device=self.device, copy=False)
         return self._grids
 
     def record(self) -> None:
@@ -334,22 +335,21 @@ class CellLava:
         maps = np.stack(
             [total, np.where(total > 0.0, mean, np.nan), np.where(known, solid, np.nan)]
         ).astype(np.float32)
-        if maps.size:
-            own = wp.array(maps, dtype=wp.float32, device=self.device)
-            wp.copy(self.grids[:3, part[0], part[1]], own)
+        write_part(self.grids, (slice(3), *part), maps)
         show_covered_cells(self._maps, self.grids[-len(SHOWN) :], self.window)
         return self.grids
 
     def begin_snapshot(self, *, overlaps: bool) -> PendingSnapshot:
         """Map the flow; a CPU has done so when this returns."""
-        maps, counts = self.draw_maps().numpy().copy(), self.counts
+        maps, counts = self.draw_maps().numpy(), self.counts
         steps = StepReport(
             count=int(counts[STEPS]), evaluations=int(counts[EVALUATIONS]),
             stages=int(counts[STAGES]), length=float(self.clock[FULL]), limit='diffusion',
         )
         moment = Moment(self.time, self.count, steps, self.budget())
-        if not (self.effects.any('freezes') or moment.budget.solidified):
-            maps = np.delete(maps, 2, axis=0)
+        is_solid = self.effects.any('freezes') or moment.budget.solidified
+        # a copy
+        maps = maps[[0, 1, *([2] if is_solid else []), *range(3, len(maps))]]
         snapshot = snapshot_of(maps, moment, self.scene.terrain, self.accuracy)
         return PendingSnapshot(lambda: snapshot)
 

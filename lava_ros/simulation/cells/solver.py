@@ -19,6 +19,7 @@ from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.memory import write_part
 from lava_ros.simulation.batch import current_batch
 from lava_ros.simulation.cells.columns import Columns
 from lava_ros.simulation.cells.grid import deposit
@@ -160,9 +161,9 @@ class CellSolver(CellLava):
                 shape = end - first, array.shape[1]
                 rows = np.zeros(shape, dtype=wp.dtype_to_numpy(array.dtype))
                 rows[row - first, column] = values
-                array[first:end].assign(rows)
+                write_part(array, slice(first, end), rows)
         self._rows_with_vents = end - first
-        state.vent_box.assign(box)
+        write_part(state.vent_box, slice(4), box)
         self._reached = self._window_with(box)
         if self._world is None:
             self._make_world()

@@ -12,7 +12,13 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.live.failures import failure_text
 from lava_ros.scene import Lava, Vent
-from lava_ros.simulation.backend.memory import ArrayBlock, OutOfMemoryError, read, read_parts
+from lava_ros.simulation.backend.memory import (
+    ArrayBlock,
+    OutOfMemoryError,
+    read,
+    read_parts,
+    write_part,
+)
 from solver import incline, simulated
 
 #: More particles than fit on any GPU: each of ten arrays would take up to 34 GB.
@@ -119,3 +125,14 @@ def test_parts_of_maps_of_several_types_are_read_together(device):
             np.testing.assert_array_equal(found, values[rows, columns])
     pairs = wp.array(values[:, :2], dtype=wp.vec2, device=device)
     np.testing.assert_array_equal(read(pairs), values[:, :2])
+
+
+@pytest.mark.parametrize('part', [
+    (slice(1, 3),), (slice(0, 2), slice(1, 4), slice(2, 9)), (slice(3), slice(0, 0), slice(0, 0)),
+])
+def test_parts_of_maps_are_written(part, device):
+    expected = np.zeros((3, 6, 10), dtype=np.float32)
+    maps = wp.array(expected, dtype=wp.float32, device=device)
+    expected[part] = np.arange(1.0, expected[part].size + 1.0).reshape(expected[part].shape)
+    write_part(maps, part, expected[part])
+    np.testing.assert_array_equal(read(maps), expected)
