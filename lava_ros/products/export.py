@@ -106,10 +106,7 @@ def export_bag(
         return known[stated]
 
     end = georeference_in(recording.scene)
-    run, asked = recording.timeline.last_run, time
-    time = recording.shown_time(asked)
-    if time is not None and not (run and run[0].time <= time <= run[-1].time):
-        raise LavaError('time', asked, recording.timeline.span)
+    asked, time = time, recording.shown_time(time)
     wants_history = threshold != own or bool({'arrival', 'peak_thickness'} & set(maps))
     thickness = [item for item in recording.layers.values() if item.source == THICKNESS]
     if wants_history and thickness:
