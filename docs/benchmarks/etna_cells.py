@@ -6,11 +6,11 @@
 python docs/benchmarks/etna_cells.py OUT.csv --case etna2006 --day 5
     [--limiters | --only CELL[:EDGE[:crust[:LIMITER[:STEPS]]]] ...]
 
-A row is a run on cells of a size [m] (0: particles at `draft`): the areas that are covered at
-least half after some days and at the end, and the scores of the end. ``EDGE`` is the fraction of
-its thickest neighbour that a cell loses heat as at least, the solver's without. Runs with another
-fraction and on cells of 5 m end after these days. Those with `crust` have a crust that loses less
-heat, within the published ranges.
+A row is a run on cells of a size [m] (0: particles at `draft`): the area of the cells that are
+covered at least half after some days, and the inundated area and the scores of the end. ``EDGE``
+is the fraction of its thickest neighbour that a cell loses heat as at least, the solver's without.
+Runs with another fraction and on cells of 5 m end after these days. Those with `crust` have a
+crust that loses less heat, within the published ranges.
 
 Runs that name a limiter of the temperature's slope (`LIMITERS`; `third` is the solver's), or the
 length of steps over that of others, end after these days, too. They have the volume that is solid
