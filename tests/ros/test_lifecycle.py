@@ -301,3 +301,12 @@ def test_calls_are_answered_when_the_node_ends_their_simulation(start, monkeypat
         node.wait_until(lambda: node.node.close())
         change(node, 'configure')
         assert node.call('pause')['success']
+
+
+def test_input_that_waits_when_the_node_ends_is_no_error(local):
+    node = local()
+    change(node, 'configure', 'activate')
+    node.publish('vents')
+    node.wait_until(lambda: node.worker._waiting_vents)
+    change(node, 'deactivate', 'cleanup')
+    assert '[ERROR]' not in node.log
