@@ -310,3 +310,21 @@ def test_input_that_waits_when_the_node_ends_is_no_error(local):
     node.wait_until(lambda: node.worker._waiting_vents)
     change(node, 'deactivate', 'cleanup')
     assert '[ERROR]' not in node.log
+
+
+def test_constants_of_parameters_replace_those_of_the_scene_file(local, tmp_path):
+    np.savez(tmp_path / 'slope.npz', elevation=np.zeros((30, 40)), resolution=10.0)
+    (tmp_path / 'scene.yaml').write_text(
+        'terrain: {file: slope.npz}\nlava: {viscosity: 1.0e4}\ngravity: 3.7\n'
+        'vents: [{position: [200.0, 150.0], effusion_rate: 20.0, temperature: 1360.0}]\n'
+    )
+    node = local(
+        scene=str(tmp_path / 'scene.yaml'), lava__viscosity=2e6, ambient_temperature=250.0
+    )
+    change(node, 'configure', 'activate')
+    node.wait_until(lambda: node.worker.status.state is WorkerState.RUNNING)
+    for starts in (1, 2):
+        view = node.worker.view
+        found = view.scene.lava.viscosity, view.scene.ambient_temperature, view.scene.gravity
+        assert (view.starts, *found) == (starts, 2e6, 250.0, 3.7)
+        assert node.call('reset')['success']
