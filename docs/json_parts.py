@@ -191,9 +191,9 @@ SCORE = {
     'largest_thickness_m': number('Largest thickness'),
     'mapped_thickness_m': number('Emitted volume over the mapped area'),
     'length_error': number('Fraction: relative error of the length'),
-    'area_error': number(
-        'Fraction: relative error of the inundated area; at dated outlines, of the area of the '
-        'cells covered at least half'
+    'area_error': number('Fraction: relative error of the inundated area'),
+    'footprint_area_error': number(
+        'Fraction: relative error of the area of the cells covered at least half'
     ),
 }
 

@@ -195,7 +195,7 @@ CASE = run_keys('A mapped eruption', 'case', {
     'outlines?': each(keys('A dated outline', {
         'outline': text('Date or time'), 'time_s': number('Time since the start'),
         **{name: SCORE[name] for name in (
-            'jaccard', 'recall', 'precision', 'area_error', 'length_error')},
+            'jaccard', 'recall', 'precision', 'footprint_area_error', 'length_error')},
         'persistence': unknown(number('Index: jaccard of the outline before')),
         'descent': number('Index: jaccard of steepest descent'),
     })),
@@ -205,7 +205,7 @@ SAMPLE = keys('A set of values', {
     'values': named(number('Values by constant, each in the `unit` of `unknowns`')),
     'numbers': named(keys('Results by case', {
         **{name: SCORE[name] for name in (
-            'jaccard', 'recall', 'precision', 'length_error', 'area_error')},
+            'jaccard', 'recall', 'precision', 'length_error', 'footprint_area_error')},
         'single': number('Index: jaccard of the first run'),
         'eruption': number('Number of the case, from 0'),
         'fitted': number('Number: 1 if the result was fitted'),

@@ -78,7 +78,7 @@ class Row:
     single_deviation: float
     recall: float
     precision: float
-    area_ratio: float
+    footprint_ratio: float
     length_ratio: float
     seconds: float
     values: str
@@ -147,7 +147,7 @@ def scored(
                 single_deviation=float(single.std(ddof=1)) if runs > 1 else math.nan,
                 recall=found.majority.recall,
                 precision=found.majority.precision,
-                area_ratio=1.0 + found.majority.area_error,
+                footprint_ratio=1.0 + found.majority.footprint_area_error,
                 length_ratio=1.0 + found.majority.length_error,
                 seconds=seconds,
                 values=' '.join(f'{key}={value:.6g}' for key, value in values.items()),
@@ -197,8 +197,8 @@ def main() -> None:
         ):
             print(
                 f'{name}, {row.case}, {row.preset}: majority {row.majority:.3f}, single '
-                f'{row.single:.3f}, area x{row.area_ratio:.2f}, length x{row.length_ratio:.2f}, '
-                f'{row.seconds:.0f} s',
+                f'{row.single:.3f}, area x{row.footprint_ratio:.2f}, '
+                f'length x{row.length_ratio:.2f}, {row.seconds:.0f} s',
                 flush=True,
             )
             rows.append(vars(row))

@@ -6,11 +6,11 @@
 python docs/benchmarks/etna_cells.py OUT.csv --case etna2006 --day 5
     [--limiters | --only CELL[:EDGE[:crust[:LIMITER[:STEPS]]]] ...]
 
-A row is a run on cells of a size [m] (0: particles at `draft`): the areas that are covered at
-least half after some days and at the end, and the scores of the end. ``EDGE`` is the fraction of
-its thickest neighbour that a cell loses heat as at least, the solver's without. Runs with another
-fraction and on cells of 5 m end after these days. Those with `crust` have a crust that loses less
-heat, within the published ranges.
+A row is a run on cells of a size [m] (0: particles at `draft`): the area of the cells that are
+covered at least half after some days, and the inundated area and the scores of the end. ``EDGE``
+is the fraction of its thickest neighbour that a cell loses heat as at least, the solver's without.
+Runs with another fraction and on cells of 5 m end after these days. Those with `crust` have a
+crust that loses less heat, within the published ranges.
 
 Runs that name a limiter of the temperature's slope (`LIMITERS`; `third` is the solver's), or the
 length of steps over that of others, end after these days, too. They have the volume that is solid
@@ -19,8 +19,8 @@ etna_limiters.csv.
 """
 
 import argparse
+from contextlib import closing
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 import re
 from typing import Any
@@ -28,6 +28,7 @@ from typing import Any
 from eruptions import CRUST
 import numpy as np
 
+from lava_ros.forecast.pool import Pool
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.hindcast.score import score_snapshot
@@ -127,6 +128,9 @@ def limit_slopes(law: str | None) -> None:
 
 def main() -> None:
     """Make the runs of the arguments, each in a process of its own."""
+    # the processes import this file by its name
+    from etna_cells import run as work
+
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('output', type=Path)
     parser.add_argument('--case', required=True, metavar='DIR')
@@ -134,13 +138,13 @@ def main() -> None:
     parser.add_argument('--only', nargs='*', default=RUNS)
     parser.add_argument('--limiters', action='store_const', const=LIMITED, dest='only')
     args = parser.parse_args()
-    jobs = [(args.case, name, args.day) for name in args.only]
     rows = []
-    with get_context('spawn').Pool(1, maxtasksperchild=1) as pool:
-        for row in pool.imap(run, jobs, chunksize=1):
-            print(row, flush=True)
-            rows.append(row)
-            write_csv(rows, args.output)
+    for name in args.only:
+        with closing(Pool(work, 1)) as pool:
+            ((_, row),) = pool([(args.case, name, args.day)])
+        print(row, flush=True)
+        rows.append(row)
+        write_csv(rows, args.output)
 
 
 if __name__ == '__main__':

@@ -68,7 +68,7 @@ def scored(name: str, folder: str, settings: Settings, args: argparse.Namespace)
     results = run_together([(case, way) for way in directions(args.runs)], settings)
     seconds, cpu = time.monotonic() - begun, time.process_time() - busy
     scores = score_outlines(case, [result.snapshot for result in results])
-    references = refer(case, {score.outline: score.area_error for score in scores})
+    references = refer(case, {score.outline: score.footprint_area_error for score in scores})
     for score in scores:
         reference = references[score.outline]
         yield {
@@ -76,7 +76,7 @@ def scored(name: str, folder: str, settings: Settings, args: argparse.Namespace)
             'vents': Path(args.vents).stem if args.vents else '', 'outline': score.outline,
             'preset': settings.preset, 'spacing_m': results[0].resolution.spacing,
             'mobility_limit_m_per_s': results[0].accuracy.mobility_limit or '', 'runs': args.runs,
-            'jaccard': score.jaccard, 'area_ratio': 1.0 + score.area_error,
+            'jaccard': score.jaccard, 'footprint_ratio': 1.0 + score.footprint_area_error,
             'length_ratio': 1.0 + score.length_error,
             'persistence': '' if reference.persistence is None else reference.persistence,
             'persistence_of_start': _persistence_of_start(case, score.outline),
@@ -122,7 +122,7 @@ def main() -> None:
             write_csv(rows, args.output)
             for row in own:
                 print(f'{name}, {row["case"]} {row["outline"][:10]}: {row["jaccard"]:.3f}, area '
-                      f'x{row["area_ratio"]:.2f}, {row["seconds"]:.0f} s', flush=True)
+                      f'x{row["footprint_ratio"]:.2f}, {row["seconds"]:.0f} s', flush=True)
 
 
 if __name__ == '__main__':

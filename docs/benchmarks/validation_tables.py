@@ -18,7 +18,7 @@ def scores() -> Iterator[Line]:
             f'`{row["preset"]}`, {float(row["spacing_m"]):.2g} m, {row["runs"]} runs',
             f'**{float(row["majority"]):.2f}**',
             f'{float(row["single"]):.2f} ± {float(row["single_deviation"]):.2f}',
-            f'x {float(row["area_ratio"]):.2f}',
+            f'x {float(row["footprint_ratio"]):.2f}',
             f'x {float(row["length_ratio"]):.2f}',
         )
 
@@ -133,7 +133,7 @@ def fluid() -> Iterator[Line]:
                 ERUPTIONS[case], f'`{name}`', f'{float(row["spacing_m"]):g} m',
                 f'{float(limit):g} m/s' if limit else 'none',
                 f'{float(cpu):.1f} s' if cpu else '', f'{float(row["jaccard"]):.2f}',
-                f'x {float(row["area_ratio"]):.2f}',
+                f'x {float(row["footprint_ratio"]):.2f}',
             )
 
 
@@ -234,7 +234,7 @@ def outlines() -> Iterator[Line]:
     for start, text in STARTS.items():
         own = {row['outline']: row for row in rows if (row['from_outline'], row['vents']) == start}
         yield (text, *(
-            f'{float(own[date]["jaccard"]):.2f} (x {float(own[date]["area_ratio"]):.2f}, '
+            f'{float(own[date]["jaccard"]):.2f} (x {float(own[date]["footprint_ratio"]):.2f}, '
             f'x {float(own[date]["length_ratio"]):.2f})' for date in dates
         ))
     before = {row['outline']: row for row in rows if not row['from_outline']}

@@ -303,10 +303,10 @@ class Timeline:
 
     @property
     def span(self) -> str:
-        """Range of simulated times as a text for errors."""
-        if not self.moments:
+        """Range of simulated times of the last run as a text for errors."""
+        if not self.last_run:
             return 'absent: the bag does not contain simulated times'
-        return f'{self._times.min():g} to {self._times.max():g} s'
+        return f'{self.last_run[0].time:.10g} to {self.last_run[-1].time:.10g} s'
 
 
 def newest_moments(bag: BagReader, decoder: Decoder, topic: str = DIAGNOSTICS) -> list[Moment]:

@@ -277,9 +277,8 @@ def _forecasts(case: Case, best: ParameterSample, fitted: Sequence[str]) -> list
     if not later:
         return []
     last = [outline for name, outline in pairs if name in fitted][-1]
-    references = refer(
-        case, {text: numbers['area_error'] for text, numbers in later.items()}, last.footprint
-    )
+    errors = {text: numbers['footprint_area_error'] for text, numbers in later.items()}
+    references = refer(case, errors, last.footprint)
     return [
         {'outline': f'{case.name} {text}', 'jaccard': numbers['jaccard']}
         | asdict(references[text])

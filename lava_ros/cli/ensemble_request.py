@@ -40,17 +40,15 @@ from lava_ros.scene.on_terrain import read_raster_on
 from lava_ros.simulation.presets import preset_accuracy
 
 
-def observation_of(
-    options: RunOptions, terrain: Terrain, until: float
-) -> tuple[Outline | None, str]:
-    """Return the observed lava during a run up to a time [s], None for none, and a description."""
+def observation_of(options: RunOptions, plan: Plan) -> tuple[Outline | None, str]:
+    """Return the observed lava during an ensemble, None for none, and a description."""
     if options.observed is None or options.observed_at is None:
         return None, 'none'
     seen = options.observed_at
-    if seen > until:
-        expected = f'a time at or before the end of the run, {duration(until)}'
+    if seen > plan.horizon:
+        expected = f'a time at or before the end of the run, {duration(plan.horizon)}'
         raise LavaError('--observed-at', seen, expected)
-    outline = Outline(seen, *observed_in_file(options.observed, terrain))
+    outline = Outline(seen, *observed_in_file(options.observed, plan.ground_at(seen)))
     return outline, f'{Path(options.observed).name}, {seen:g} s after the start'
 
 

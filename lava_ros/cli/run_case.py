@@ -176,13 +176,13 @@ def _dated(
     if not case.outlines:
         return [], {}
     scores = score_outlines(case, [item.snapshot for item in results])
-    references = refer(case, {item.outline: item.area_error for item in scores})
+    references = refer(case, {item.outline: item.footprint_area_error for item in scores})
     plain = [
         with_units(asdict(item), s='time') | asdict(references[item.outline]) for item in scores
     ]
     return plain, {
-        f'Jaccard on {item.outline}': f'{item.jaccard:.3f} (area {100 * item.area_error:+.0f} %; '
-        f'{references[item.outline].words})'
+        f'Jaccard on {item.outline}': f'{item.jaccard:.3f} (area of the footprint '
+        f'{100 * item.footprint_area_error:+.0f} %; {references[item.outline].words})'
         for item in scores
     }
 

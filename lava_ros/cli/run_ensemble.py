@@ -188,7 +188,7 @@ def run_members(options: RunOptions) -> int:
     crs = coordinate_system(terrain.epsg, terrain.wkt)
     formats = usual_formats(crs) if options.formats is None else options.formats
     require_formats(formats, output, crs)
-    outline, observation = observation_of(options, terrain, plan.horizon)
+    outline, observation = observation_of(options, plan)
     kept: dict[str, Any] = {'seed': options.seed, 'susceptibility': susceptibility}
     members = draw_members(plan.scene, options.members, **kept)
     check_members(plan.scene, members)

@@ -5,8 +5,6 @@
 
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import accumulate
 import math
 from typing import TYPE_CHECKING
 
@@ -77,16 +75,7 @@ class Plan:
     def ground_at(self, time: float) -> Terrain:
         """Return the ground at a time since the start [s], on which its maps are."""
         begun = 0.0 if self.start is None else self.start.time
-        # an event at that time changes the ground after the maps
-        return self._grounds[sum(item.time < begun + time for item in self.scene.events)]
-
-    @cached_property
-    def _grounds(self) -> list[Terrain]:
-        """The ground at the start, and after each event of the scene."""
-        return list(accumulate(
-            self.scene.events, lambda ground, event: event.ground(ground),
-            initial=self.scene.terrain,
-        ))
+        return self.scene.ground_at(begun + time)
 
     @property
     def interval(self) -> float:

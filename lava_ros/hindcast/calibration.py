@@ -60,7 +60,7 @@ BATCH = 16
 
 #: Columns of the table of runs in addition to the parameters.
 COLUMNS = (
-    *('jaccard', 'single', 'recall', 'precision', 'length_error', 'area_error'),
+    *('jaccard', 'single', 'recall', 'precision', 'length_error', 'footprint_area_error'),
     *('eruption', 'fitted', 'directions', 'wall_time_s'),
 )
 

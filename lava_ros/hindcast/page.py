@@ -211,7 +211,7 @@ def write_maps(
     Raises:
         LavaError: If rasterio is not installed, or a file cannot be written.
     """
-    snapshot, terrain = result.snapshot, case.scene.terrain
+    snapshot, terrain = result.snapshot, result.snapshot.terrain
     assert snapshot.arrived is not None and snapshot.inundated is not None
     codes = comparison(snapshot, case.footprint).astype(np.float32)
     maps = {
@@ -265,7 +265,7 @@ def draw_comparison(
     if case.source:
         facts['source'] = case.source
     # including barriers built during the eruption
-    frame = frame_of(case.scene.at(case.duration))
+    frame = frame_of(replace(case.scene, terrain=snapshot.terrain))
     draw_sheet(
         [Panel(frame, 'comparison', codes)],
         output,

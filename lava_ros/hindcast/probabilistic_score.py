@@ -66,9 +66,9 @@ def start_on(case: Case, plan: Plan) -> np.ndarray | None:
 
 
 def _on_plan(footprint: np.ndarray, time: float, case: Case, plan: Plan) -> Outline:
-    terrain = case.scene.terrain
+    terrain = case.scene.ground_at(time)
     mask = Mask(footprint, terrain.has_data, terrain.resolution, terrain.origin)
-    return outline_on(plan.scene.terrain, mask, time)
+    return outline_on(plan.ground_at(time), mask, time)
 
 
 def probability_at(
@@ -94,7 +94,8 @@ def probability_at(
         total += weight
         for time, cells in zip(times, sums, strict=True):
             cells += weight * footprint_by(member, plan, time, error)
-    return np.where(plan.scene.terrain.has_data, 100.0 * sums / total, np.nan)
+    has_data = [plan.ground_at(time).has_data for time in times]
+    return np.where(has_data, 100.0 * sums / total, np.nan)
 
 
 def score_dates(

@@ -174,7 +174,8 @@ def run_together(
         run.keep()
         result = run.result()
         run.close()
-        snapshot = regridded(result.snapshot, case.scene.terrain, direction.rotate_back)
+        ground = case.scene.ground_at(result.snapshot.time)
+        snapshot = regridded(result.snapshot, ground, direction.rotate_back)
         results[number] = replace(result, snapshot=snapshot)
 
     routes = (route(number, *job) for number, job in enumerate(jobs))

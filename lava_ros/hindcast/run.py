@@ -195,7 +195,7 @@ def request_of(
         kind='case',
         data={'case': case.name},
         simulated=lambda accuracy: simulated_scene(case, coarseness(case, accuracy)),
-        shown=lambda snapshot: refined(snapshot, case.scene.terrain),
+        shown=lambda snapshot: refined(snapshot, case.scene.ground_at(snapshot.time)),
         **others,
     )
 
@@ -273,7 +273,7 @@ class Run:
         self._latest = snapshot
 
     def _refined(self, snapshot: Snapshot) -> Snapshot:
-        return refined(snapshot, self.case.scene.terrain)
+        return refined(snapshot, self.case.scene.ground_at(snapshot.time))
 
     @cached_property
     def _simulation(self) -> Simulation:

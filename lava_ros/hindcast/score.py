@@ -67,6 +67,7 @@ class Score:
     mapped_thickness: float
     length_error: float
     area_error: float
+    footprint_area_error: float
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,8 @@ class OutlineScore:
         jaccard: Cells in both over cells in either.
         recall: Inundated fraction of the mapped cells.
         precision: Mapped fraction of the inundated cells.
-        area_error: Relative error of the area of the inundated cells, positive if it is too large.
+        footprint_area_error: Relative error of the area of the footprint, positive if it is too
+            large.
         length_error: Relative error of the runout length, positive if it is too long.
     """
 
@@ -88,7 +90,7 @@ class OutlineScore:
     jaccard: float
     recall: float
     precision: float
-    area_error: float
+    footprint_area_error: float
     length_error: float
 
 
@@ -155,6 +157,7 @@ def score_case(
         mapped_thickness=case.volume / (mapped * area) if mapped else math.nan,
         length_error=length / mapped_length - 1.0 if mapped_length else math.nan,
         area_error=inundated_area / (mapped * area) - 1.0 if mapped else math.nan,
+        footprint_area_error=simulated / mapped - 1.0 if mapped else math.nan,
     )
 
 
@@ -201,8 +204,8 @@ def refer(
 
     Args:
         case: The case with its outlines.
-        area_errors: Relative error of the inundated area, by the outline: steepest descent covers
-            the same area.
+        area_errors: Relative error of the area of the footprint, by the outline: steepest descent
+            covers the same area.
         before: Outline that persists; None: for each date the previous outline.
     """
     visits = count_visits(case.scene.terrain.elevation, case.vent_cells)

@@ -28,7 +28,7 @@ class Arrival:
             arrival. None before the first frame.
         peak: Peak thickness [m], float32, same shape; 0 without lava.
         is_saturated: True if a thickness was the maximum of its grid.
-        longest_gap: Longest time between consecutive frames [s].
+        first_time: Simulated time of the first of these frames [s]; NaN without any.
         is_noted: True if the times are exact to a time step.
         frame_count: Number of frames with a thickness so far.
         frame: The newest of these frames; None before the first.
@@ -44,7 +44,18 @@ class Arrival:
     def _clear(self) -> None:
         self.frame: Frame | None = None
         self.is_saturated = self.is_noted = False
-        self.longest_gap, self.frame_count = 0.0, 0
+        self.first_time, self._gap, self.frame_count = math.nan, 0.0, 0
+
+    @property
+    def longest_gap(self) -> float:
+        """Longest simulated time without a frame, from time 0 [s]."""
+        return max(self._gap, self.first_time) if self.frame_count else 0.0
+
+    @property
+    def begins_late(self) -> bool:
+        """True if frames of the beginning are missing, as after a resume."""
+        # a run makes its first map one interval after its start
+        return self.first_time > 1.5 * self._gap
 
     def add(self, frame: Frame) -> None:
         """Add the next frame; frames without thickness or time are ignored.
@@ -70,8 +81,10 @@ class Arrival:
             self.times[np.isnan(self.times) & is_there] = frame.time
         np.fmax(self.peak, shown.values, out=self.peak)
         self.is_saturated |= shown.is_saturated
-        if self.frame is not None and self.frame.time is not None:
-            self.longest_gap = max(self.longest_gap, frame.time - self.frame.time)
+        if self.frame is None or self.frame.time is None:
+            self.first_time = frame.time
+        else:
+            self._gap = max(self._gap, frame.time - self.frame.time)
         self.frame = frame
         self.frame_count += 1
 

@@ -167,20 +167,25 @@ class Recording:
             LavaError: If the bag is damaged, or has no terrain or no map at that time.
         """
         end = self.timeline.log_time_at(self.shown_time(time))
-        if time is not None and (end is None or time > self.timeline.last_time):
-            raise LavaError('time', time, self.timeline.span)
         return self.frame_logged((self.bag.end_ns or 0) if end is None else end, time)
 
     def shown_time(self, time: float | None) -> float | None:
         """Return the simulated time of the newest maps to read up to a time [s]; None for the end.
 
         A run makes the map of a time at the first end of a step at or after it.
+
+        Raises:
+            LavaError: If the last run has no maps of that time.
         """
         if time is None:
             return None
+        run = self.timeline.last_run
         due = max((item for item in self._map_times if item <= time), default=math.inf)
-        made = (item.time for item in self.timeline.moments if item.time >= due)
-        return max(time, min(made, default=time))
+        made = (item.time for item in run if item.time >= due)
+        shown = max(time, min(made, default=time))
+        if not run or not run[0].time <= shown <= run[-1].time:
+            raise LavaError('time', time, self.timeline.span)
+        return shown
 
     def log_times(self) -> list[int]:
         """Return the log time of the last map of each frame [ns], even without simulated times.

@@ -50,7 +50,7 @@ MAX_ROUND_WALL_TIME = 0.1
 MAX_CATCH_UP = 5.0
 
 #: Error of a command after ``stop``.
-_STOPPED = RefusalError('simulation', 'The simulation has stopped', 'Start a new one')
+STOPPED = RefusalError('simulation', 'The simulation has stopped', 'Start a new one')
 
 
 @dataclass(eq=False)
@@ -143,7 +143,7 @@ class SimulationWorker:
         Waiting and later commands are refused.
         """
         self._is_stopping = True
-        self.commands.close(_STOPPED)
+        self.commands.close(STOPPED)
         if self._thread.ident is not None:
             self._thread.join(timeout)
         return not self._thread.is_alive()
@@ -305,7 +305,7 @@ class SimulationWorker:
                 self._guard(self._update_status)
         self._status = replace(self._status, state=WorkerState.STOPPED, speed=0.0)
         if self._waiting_vents is not None:
-            finish(self._waiting_vents[1], _STOPPED)
+            finish(self._waiting_vents[1], STOPPED)
         self._finisher.shutdown()
         # Free the device memory even if the worker is still referenced.
         self.session.fail()
@@ -418,7 +418,8 @@ class SimulationWorker:
             self._report_snapshot()
 
     def _report_snapshot(self) -> None:
-        self._threads_guard.run(self.on_snapshot)
+        if not self._is_stopping:
+            self._threads_guard.run(self.on_snapshot)
 
     def _show(self) -> None:
         if self._is_snapshot_new():

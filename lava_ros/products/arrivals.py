@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros import validation
 from lava_ros.errors import LavaError, RefusalError
 from lava_ros.forecast.store import maps_at
 from lava_ros.layers.place_arrivals import arrivals, ArrivalTable, flow_table
@@ -33,44 +32,33 @@ def table_of(
         files: Files for ``features.load_features``.
         field: Name of the files in errors.
         node: Full name or namespace of a node of the bag; None for the only one.
-        time: Simulated time [s] up to which a bag is read; None for all of it.
+        time: Simulated time of a bag's maps [s]; None for the last ones.
         onset: Date of simulated time 0; None for the date that the run states, if any.
         zone: Zone of local times; None for the zone of this machine.
 
     Raises:
         LavaError: If a file or the run cannot be read, or the run has no arrival times.
     """
-    run = read_run(path, node=node, wanted=('arrival',))
-    if run.ensemble is not None and time is not None:
-        raise validation.conflict('--at', f'an ensemble ({path})')
+    run = read_run(path, node=node, time=time, wanted=('arrival',))
     features = [item for file in files for item in read_features(field, file, run.terrain)]
     places = places_on(features, run.terrain)
     if run.ensemble is not None:
         table = _table_of_members(Path(path), run, run.ensemble, places)
     else:
-        table = _table_of_bag(path, run, places, time, node)
+        table = _table_of_bag(path, run, places)
     return replace(table, onset=dated(onset, zone, [run]))
 
 
-def _table_of_bag(
-    path: str | Path, run: Run, places: Places, time: float | None, node: str | None
-) -> ArrivalTable:
+def _table_of_bag(path: str | Path, run: Run, places: Places) -> ArrivalTable:
     panel = run.panels.get('arrival')
     if panel is None:
         raise LavaError('bag', str(path), 'a bag with the layer arrived, or with the thickness')
-    end, arrived = panel.frame.time, panel.values
-    if time is not None:
-        # the newest map contains all earlier arrival times, exact to the time step
-        end = validation.number('--at', time, at_most=math.inf if end is None else end, unit='s')
-        arrived = np.where(arrived <= end, arrived, np.nan)
+    frame, arrived = panel.frame, panel.values
     facts: dict[str, Any] = {
-        'inundation_threshold_m': panel.frame.threshold, 'time_s': end, **run.quality(),
+        'inundation_threshold_m': frame.threshold, 'time_s': frame.time, **run.quality(),
     }
-    if panel.frame.arrived is not panel.values and np.isfinite(places.at(arrived)).any():
+    if frame.arrived is not arrived and np.isfinite(places.at(arrived)).any():
         facts['note'] = 'each time is that of the first map in the bag with lava at the place'
-    frame = panel.frame
-    if time is not None:
-        frame = read_run(path, node=node, time=time, wanted=('arrival',)).panels['arrival'].frame
     return flow_table(places, run.terrain, arrived, frame.inundated, facts)
 
 

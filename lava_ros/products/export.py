@@ -19,6 +19,7 @@ from lava_ros.files.vectors import WRITTEN
 from lava_ros.layers.arrival import Arrival, check_threshold, rounding, THICKNESS
 from lava_ros.layers.frame import Frame, LayerFrame
 from lava_ros.layers.layer import SOURCES
+from lava_ros.layers.numbers import duration
 from lava_ros.layers.recording import Progress, Recording, silent
 from lava_ros.products import gis
 from lava_ros.products.plot import time_note
@@ -106,10 +107,7 @@ def export_bag(
         return known[stated]
 
     end = georeference_in(recording.scene)
-    run, asked = recording.timeline.last_run, time
-    time = recording.shown_time(asked)
-    if time is not None and not (run and run[0].time <= time <= run[-1].time):
-        raise LavaError('time', asked, recording.timeline.span)
+    asked, time = time, recording.shown_time(time)
     wants_history = threshold != own or bool({'arrival', 'peak_thickness'} & set(maps))
     thickness = [item for item in recording.layers.values() if item.source == THICKNESS]
     if wants_history and thickness:
@@ -153,6 +151,12 @@ def export_bag(
         raise recording.missing_error(asked, 'terrain and a map')
     if note := time_note(None if every else asked, last):
         _LOG.warning(note)
+    late = [] if history.is_noted else ['arrival']
+    if history.begins_late and (late := [*{*late, 'peak_thickness'} & {*maps}]):
+        _LOG.warning(
+            f'the maps begin at {duration(history.first_time)}: lava before that is not in '
+            f'{" and ".join(sorted(late))}'
+        )
     if not every:
         write_layers(last)
     for name in ('arrival', 'inundated', 'peak_thickness'):
@@ -280,7 +284,7 @@ def _history_map(name: str, history: Arrival) -> gis.Made:
     assert frame is not None and history.times is not None and history.peak is not None
     tags = _layer_tags(frame.layers[THICKNESS]) | {'maps': str(history.frame_count)}
     if frame.time is not None:
-        tags['maps_up_to_s'] = repr(frame.time)
+        tags |= {'maps_from_s': repr(history.first_time), 'maps_up_to_s': repr(frame.time)}
     if name == 'peak_thickness':
         tags['saturated'] = 'yes' if history.is_saturated else 'no'
         is_noted = history.is_noted

@@ -253,8 +253,10 @@ class TerrainPairing:
     not appear at the old position if a publisher sends both halves. Halves of different sizes are
     an error after ``PATIENCE`` seconds, a half without a partner after ``ABSENCE`` seconds: on a
     busy machine, discovery of the second publisher may take seconds longer. Each error is reported
-    once. These times are measured from the first new half, because a source may publish one of the
-    two at a high rate.
+    once. The partner of a refused half waits for another one, instead of pairing with an older
+    one: it has the same stamp or, if one of them has none, arrives within ``SETTLE``. These times
+    are measured from the first new half, because a source may publish one of the two at a high
+    rate.
     """
 
     def __init__(self) -> None:
@@ -262,10 +264,28 @@ class TerrainPairing:
         self._halves: dict[type, Any] = {}
         self._new: set[type] = set()
         self._begun, self._is_waiting = 0.0, False
+        self._refused: tuple[type, int, float] = (type(None), 0, 0.0)
+
+    def refuse(self, half: Image | MapMetaData, now: float) -> None:
+        """Note that a half has been refused at monotonic time ``now`` [s]."""
+        self._refused = type(half), _stamp_of(half), now
+        self._new = {kind for kind in self._new if not self._is_alone(self._halves[kind], now)}
+        self._is_waiting = bool(self._new)
+
+    def _is_alone(self, half: Image | MapMetaData, now: float) -> bool:
+        """Return True if the partner of a half has been refused."""
+        (kind, stamp, refused), own = self._refused, _stamp_of(half)
+        if kind in (type(None), type(half)):
+            return False
+        return own == stamp if own and stamp else now - refused < SETTLE
 
     def add(self, half: Image | MapMetaData, now: float) -> None:
         """Add a checked image or description at monotonic time ``now`` [s]."""
         self._halves[type(half)] = half
+        if type(half) is self._refused[0]:
+            self._refused = (type(None), 0, 0.0)
+        if self._is_alone(half, now):
+            return
         self._new.add(type(half))
         if not self._is_waiting:
             self._begun, self._is_waiting = now, True
@@ -281,7 +301,7 @@ class TerrainPairing:
         image, info = self._halves.get(Image), self._halves.get(MapMetaData)
         if image is not None and info is not None:
             fits = (image.width, image.height) == (info.width, info.height)
-            stamps = {codec.nanoseconds(time) for time in (image.header.stamp, info.map_load_time)}
+            stamps = {_stamp_of(image), _stamp_of(info)}
             # some publishers leave one of the stamps at 0
             is_pair = len(self._new) == 2 and len(stamps - {0}) < 2
             if fits and (is_pair or now - self._begun >= SETTLE):
@@ -297,6 +317,13 @@ class TerrainPairing:
         if info is None:
             raise LavaError('terrain_info', None, 'a MapMetaData for the Image on terrain')
         raise _size_mismatch(image, info)
+
+
+def _stamp_of(half: Image | MapMetaData) -> int:
+    """Return the stamp of a terrain image or description [ns]."""
+    return codec.nanoseconds(
+        half.header.stamp if isinstance(half, Image) else half.map_load_time
+    )
 
 
 def _size_mismatch(image: Image, info: MapMetaData) -> LavaError:

@@ -11,6 +11,7 @@ import logging
 import os
 import signal
 import sys
+import time
 import traceback
 from typing import Any
 
@@ -25,7 +26,7 @@ from rclpy.utilities import remove_ros_args
 from lava_ros.errors import import_failure, LavaError, RefusalError
 from lava_ros.ros import middleware, node_parameters, parameters
 from lava_ros.ros.executor import spin, start_ros
-from lava_ros.ros.node_graph import NodeGraph
+from lava_ros.ros.node_graph import ANSWER_TIME, NodeGraph
 from lava_ros.ros.rclpy_internals import guard_change_state
 from lava_ros.ros.runtime import NodeRuntime
 from lava_ros.ros.services import create_services
@@ -72,6 +73,7 @@ class LavaNode(LifecycleNode):
         self.runtime: NodeRuntime | None = None
         self._values: dict[str, Any] = {}
         self._constants: Mapping[str, Any] | None = None
+        self._graph: NodeGraph | None = None
         self._ending: NodeRuntime | None = None
         self.refusal = ''
         self.has_failed = self._is_starting = False
@@ -92,6 +94,11 @@ class LavaNode(LifecycleNode):
     def failure(self) -> BaseException | None:
         """Error that ends the node, None without one."""
         return self.runtime.failure if self.runtime is not None else None
+
+    @property
+    def is_answering(self) -> bool:
+        """True if the answer to a call of a service has not been sent."""
+        return self._graph is not None and self._graph.is_answering
 
     def autostart(self) -> bool:
         """Configure and activate if ``autostart`` is true; return True without a ``refusal``."""
@@ -146,10 +153,12 @@ class LavaNode(LifecycleNode):
         if not self.close():
             problem = 'The simulation is still in its last step before the cleanup'
             raise RefusalError('simulation', problem, 'Configure the node again later')
+        if self._graph is not None:
+            self._graph.destroy(is_answered=True)
         # a later configure starts from the scene: the bags of this process are finished
         startup = load_startup_inputs(self, may_restart=self._constants is None)
         settings = self._declare_parameters(startup)
-        graph = NodeGraph(self, settings.frame_id)
+        self._graph = graph = NodeGraph(self, settings.frame_id)
         try:
             self.runtime = NodeRuntime(graph, settings, lambda: self._values, startup)
             create_services(self.runtime, graph)
@@ -319,10 +328,15 @@ def _run(node: LavaNode, is_stopping: Callable[[], bool]) -> tuple[bool, int]:
     finally:
         failure = node.failure
         ended = node.close()
+        end = time.monotonic() + 2.0 * ANSWER_TIME
+        spin(
+            executor,
+            until=lambda: not node.is_answering or time.monotonic() > end,
+            on_error=node.report_callback,
+        )
     if failure is not None:
         node.get_logger().error(f'cannot resume: {failure}')
     node.get_logger().info('stopped' if ended else 'stopped; a step of the simulation was cut off')
-    # an answer that waits for the simulation is never sent
     executor.shutdown(timeout_sec=0.0)
     status = 0 if failure is None else USAGE_ERROR if isinstance(failure, LavaError) else 1
     return ended, status

@@ -4,10 +4,15 @@
 """The entities of the node in the ROS graph; the recorder gets the same bytes as a topic."""
 
 from collections import Counter
+from concurrent.futures import Future
 from typing import Any
 
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+import rclpy.task
+from rclpy.timer import Timer
 from std_msgs.msg import Header
 
 from lava_ros.bag import QosProfile
@@ -15,6 +20,11 @@ from lava_ros.errors import LavaError
 from lava_ros.live.recorder import Recorder
 from lava_ros.ros import codec
 from lava_ros.ros.georeference import TF_STATIC
+
+#: Time for which a service remains after an answer, which a thread of the middleware sends [s].
+ANSWER_TIME = 0.5
+
+_STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
 
 class NodeGraph:
@@ -29,6 +39,9 @@ class NodeGraph:
         self.frame_id = frame_id
         self.recorder = Recorder()
         self._made: dict[Any, str] = {}
+        # services of the calls whose answers may not have been sent
+        self._calls: dict[rclpy.task.Future, Any] = {}
+        self._is_destroyed = False
         self._topics: dict[str, str] = {}
         # source of the name of each topic that only one entity may use, by the full name of the
         # topic
@@ -109,12 +122,42 @@ class NodeGraph:
         """Destroy one entity."""
         getattr(self.node, f'destroy_{self._made.pop(made)}')(made)
 
-    def destroy(self) -> None:
-        """Destroy all entities, newest first."""
-        while self._made:
-            self.drop(next(reversed(self._made)))
+    @property
+    def is_answering(self) -> bool:
+        """True if the answer to a call may not have been sent."""
+        return bool(self._calls)
+
+    async def wait(self, service: Any, future: 'Future[Any]') -> None:
+        """Wait in a call of a service until a future is done, or the graph is destroyed."""
+        done = rclpy.task.Future()
+        self._calls[done] = service
+        future.add_done_callback(done.set_result)
+        await done
+        timer: Timer = self.node.create_timer(
+            ANSWER_TIME, lambda: self._end_call(done, timer), clock=_STEADY
+        )
+
+    def _end_call(self, done: rclpy.task.Future, timer: Timer) -> None:
+        self.node.destroy_timer(timer)
+        service = self._calls.pop(done)
+        if self._is_destroyed and service in self._made and service not in self._calls.values():
+            self.drop(service)
+
+    def destroy(self, *, is_answered: bool = False) -> None:
+        """Destroy all entities, newest first.
+
+        Calls of services no longer wait. Their services remain for ``ANSWER_TIME`` unless
+        ``is_answered``: their answers have been received.
+        """
+        self._is_destroyed = True
+        for made in reversed(list(self._made)):
+            if is_answered or made not in self._calls.values():
+                self.drop(made)
         self._topics.clear()
         self._fields.clear()
+        for done in self._calls:
+            if not done.done():
+                done.set_result(None)
 
     def send(
         self, publisher: Publisher, message: Any, recorded_ns: int | None, profile: QosProfile

@@ -66,18 +66,18 @@ def with_types(node: Node, given: Iterable[Parameter]) -> list[Parameter]:
     """Convert new values to the types of the node's parameters.
 
     ``ros2 param load`` sends 7e-07 from its own dump as a string, because a YAML number has a
-    point, and null as the string None. An empty list of strings becomes a list with one empty
-    string, which has a type.
+    point, and null as the string None; ``ros2 param set`` sends 60 as a whole number. An empty
+    list of strings becomes a list with one empty string, which has a type.
     """
     result = list(given)
     for index, item in enumerate(result):
         if not node.has_parameter(item.name):
             continue
         is_list = node.describe_parameter(item.name).dynamic_typing
-        is_text = isinstance(item.value, str)
+        is_number = type(item.value) in (str, int)
         if is_list and _is_empty(item.value):
             result[index] = Parameter(item.name, value=[''])
-        elif is_text and node.get_parameter(item.name).type_ == Parameter.Type.DOUBLE:
+        elif is_number and node.get_parameter(item.name).type_ == Parameter.Type.DOUBLE:
             with suppress(ValueError):
                 result[index] = Parameter(item.name, value=float(item.value))
     return result

@@ -310,7 +310,9 @@ class NodeRuntime:
             )
             future.add_done_callback(self._note_failure)
         elif startup.scene is not None:
-            command('scene', self.worker.set_scene(startup.scene))
+            # parameters replace constants of the scene
+            scene = replace(startup.scene, **self.settings.constants)
+            command('scene', self.worker.set_scene(scene))
         elif startup.terrain is not None:
             command('terrain_file', self.worker.set_terrain(startup.terrain))
         else:

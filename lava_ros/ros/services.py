@@ -14,10 +14,10 @@ import traceback
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
-import rclpy.task
 from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.errors import LavaError, RefusalError
+from lava_ros.live.worker import STOPPED
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros.node_graph import NodeGraph
 from lava_ros.ros.runtime import NodeRuntime
@@ -27,6 +27,7 @@ def create_services(runtime: NodeRuntime, graph: NodeGraph) -> None:
     """Create the services; the results of commands are reported like the results of inputs."""
     # the callbacks of the default group would wait for an answer
     group = ReentrantCallbackGroup()
+    services: dict[str, Any] = {}
     logger, worker, take = graph.node.get_logger(), runtime.worker, runtime.allowance.take
 
     def check_active(name: str) -> None:
@@ -37,11 +38,12 @@ def create_services(runtime: NodeRuntime, graph: NodeGraph) -> None:
     async def commanded(name: str, future: Future[None]) -> None:
         """Wait until the simulation has executed a command; raise its error if it is refused."""
         runtime.inputs.command(name, future)
-        done = rclpy.task.Future()
-        future.add_done_callback(done.set_result)
-        await done
+        await graph.wait(services[name], future)
         if future.cancelled():
             raise RefusalError(name, 'A newer call has replaced this one', 'Wait for its answer')
+        if not future.done() or future.exception() is STOPPED:
+            problem = f'The node has ended the simulation before {name} was complete'
+            raise RefusalError(name, problem, 'Configure the node, and call the service again')
         future.result()
 
     async def reset(_: Any) -> str:
@@ -95,5 +97,7 @@ def create_services(runtime: NodeRuntime, graph: NodeGraph) -> None:
 
     for kind, actions in ((Trigger, (reset, step, save)), (SetBool, (pause, record))):
         for action in actions:
-            name, reply = f'~/{action.__name__}', partial(answer, action)
-            graph.create('service', kind, name, reply, callback_group=group)
+            name, reply = action.__name__, partial(answer, action)
+            services[name] = graph.create(
+                'service', kind, f'~/{name}', reply, callback_group=group
+            )

@@ -27,7 +27,7 @@ from lava_ros.bag.georeference import TOPIC
 from lava_ros.errors import LavaError, RefusalError
 from lava_ros.forecast.assimilation import Mask
 from lava_ros.layers.layer import GRID_MAP, OCCUPANCY_GRID
-from lava_ros.live.worker import SimulationWorker
+from lava_ros.live.worker import SimulationWorker, STOPPED
 from lava_ros.ros import codec, inputs, qos
 from lava_ros.ros.codec import decode
 from lava_ros.ros.executor import now_ns
@@ -246,7 +246,8 @@ class InputSubscribers:
 
         def report(done: 'Future[Any]') -> None:
             error = None if done.cancelled() else done.exception()
-            if isinstance(error, LavaError):
+            # an input that waits when the node ends is not wrong
+            if isinstance(error, LavaError) and error is not STOPPED:
                 self._reject(topic, error, number)
             elif done.cancelled():
                 self.log.supersede(topic, number)
@@ -299,14 +300,20 @@ class InputSubscribers:
             self._reject(topic, RefusalError(topic, problem, 'Check its publisher'))
 
     def _on_terrain(self, image: Image) -> None:
-        inputs.check_image(image, self.settings())
-        self._pairing.add(image, time.monotonic())
-        self._poll_pairing()
+        self._add_half(inputs.check_image, image)
 
     def _on_terrain_info(self, info: MapMetaData) -> None:
-        inputs.check_info(info, self.settings())
-        self.log.accept('terrain_info')
-        self._pairing.add(info, time.monotonic())
+        self._add_half(inputs.check_info, info)
+
+    def _add_half(self, check: Callable[[Any, Settings], Any], half: Image | MapMetaData) -> None:
+        try:
+            check(half, self.settings())
+        except LavaError:
+            self._pairing.refuse(half, time.monotonic())
+            raise
+        if isinstance(half, MapMetaData):
+            self.log.accept('terrain_info')
+        self._pairing.add(half, time.monotonic())
         self._poll_pairing()
 
     def _poll_pairing(self) -> None:

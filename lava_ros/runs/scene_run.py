@@ -4,7 +4,7 @@
 """A run of a scene in its folder, from its start or from the last stored state."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 import json
 from pathlib import Path
 import time as wall_clock
@@ -106,7 +106,7 @@ class SceneRun:
         }
         times = json.dumps(list(map(float, request.times)))
         data = {**request.data, 'begun': record['begun'], MAP_TIMES: times}
-        self.folder = RunFolder(path, scene.at(0.0), record, data)
+        self.folder = RunFolder(path, scene, record, data)
         self._earlier, self._begun = self.folder.record['wall_time_s'], wall_clock.monotonic()
         self._wall_time: float | None = None
         self.effects: dict[str, str] = {}
@@ -263,7 +263,9 @@ class SceneRun:
         self.most_particles = max(self.most_particles, snapshot.particle_count)
         self._note_effects(simulation, snapshot.time)
         is_refined = self.request.simulated is not None
-        scene = self.request.scene.at(snapshot.time) if is_refined else simulation.scene
+        scene = simulation.scene
+        if is_refined:
+            scene = replace(self.request.scene, terrain=snapshot.terrain)
         told = {'input_warnings': self.request.remarks, 'missed_effects': self.missed}
         told = {name: '; '.join(texts) for name, texts in told.items() if texts}
         self.folder.bag.put_snapshot(

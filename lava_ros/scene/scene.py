@@ -6,7 +6,8 @@
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import datetime
-from functools import partial
+from functools import cached_property, partial
+from itertools import accumulate
 import logging
 from typing import Any
 
@@ -133,14 +134,19 @@ class Scene:
             ),
         )
 
-    def at(self, time: float) -> 'Scene':
-        """Return the scene with the ground at a simulated time [s], and the events after it."""
-        ground = self.terrain
-        for event in self.events:
-            if event.time <= time:
-                ground = event.ground(ground)
-        later = tuple(event for event in self.events if event.time > time)
-        return replace(self, terrain=ground, events=later)
+    def ground_at(self, time: float) -> Terrain:
+        """Return the ground of the maps of a simulated time [s].
+
+        An event at that time changes the ground after the maps.
+        """
+        return self._grounds[sum(event.time < time for event in self.events)]
+
+    @cached_property
+    def _grounds(self) -> list[Terrain]:
+        """The ground at the start, and after each event."""
+        return list(accumulate(
+            self.events, lambda ground, event: event.ground(ground), initial=self.terrain
+        ))
 
 
 #: Fields of ``Scene`` that are numbers of the surroundings.

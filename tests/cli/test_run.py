@@ -96,14 +96,19 @@ def test_readers_show_the_map_that_a_run_made_for_a_time(folder, result, tmp_pat
     asked = result['settings']['map_times_s']
     # at the first end of a step at or after the time
     assert len(made) == len(asked) and made[:-1] != asked[:-1]
-    for time, expected in zip(asked, made, strict=True):
-        assert Recording(folder / 'run').frame_at(time).time == expected >= time
-        out = tmp_path / f'{time:g}'
-        done('export', folder / 'run', '-o', out, '--maps', 'thickness', '--at', f'{time}s')
+    # no map of a later time is shown
+    for time, expected in zip([*asked, asked[2] - 1.0], [*made, made[1]], strict=True):
+        assert Recording(folder / 'run').frame_at(time).time == expected
+        out, words = tmp_path / f'{time:g}', ('--at', f'{time}s')
+        done('export', folder / 'run', '-o', out, '--maps', 'thickness', *words)
+        table = tmp_path / f'{time:g}.json'
+        done('places', folder / 'run', folder / 'places.csv', *words, '--json', table)
+        assert json.loads(table.read_text())['time_s'] == expected
         with rasterio.open(out / 'thickness.tif') as file:
             assert float(file.tags()['simulated_time_s']) == expected
-    # no map of a later time is shown
-    assert Recording(folder / 'run').frame_at(asked[2] - 1.0).time == made[1]
+    for words in (('export', '-o', tmp_path / 'late'), ('places', folder / 'places.csv')):
+        error = refused(words[0], folder / 'run', *words[1:], '--at', '301s')
+        assert f"--at is '301s', expected {made[0]:.10g} to 300 s" in error
 
 
 @pytest.fixture(scope='module')

@@ -21,6 +21,7 @@ from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.probabilistic_score import probability_at, score_dates
 from lava_ros.hindcast.run import Result, Settings, simulate
 from lava_ros.hindcast.score import count_visits, descend, PATHS, refer, score_outlines
+from lava_ros.scene.events import TerrainEvent
 
 #: Times of two outlines [s], and options of a run that takes a second.
 FIRST, SECOND = 900.0, 1800.0
@@ -59,7 +60,7 @@ def test_outlines_of_a_simulation_agree_with_it_at_each_time(mapped):
     assert 0 < early.sum() < late.sum()
     for score in score_outlines(case, [result.snapshot]):
         assert score.jaccard == score.recall == score.precision == 1.0
-        assert score.area_error == score.length_error == 0.0
+        assert score.footprint_area_error == score.length_error == 0.0
     first, second = refer(case, dict.fromkeys(['900 s', '1800 s'], 0.0)).values()
     assert first.persistence is None and second.persistence == early.sum() / late.sum()
     # down the middle of the valley, but not as wide as lava
@@ -171,6 +172,7 @@ def test_calibration_forecasts_later_outlines(mapped, tmp_path):
     usual = result['usual']['numbers']
     assert [item['jaccard'] for item in usual.values()] == [1.0, 1.0]
     assert [item['fitted'] for item in usual.values()] == [1.0, 0.0]
+    assert [item['footprint_area_error'] for item in usual.values()] == [0.0, 0.0]
     table = (tmp_path / 'out/posterior.csv').read_text().splitlines()
     assert table[0] == 'name,unit,low,high,usual,best,p05,p50,p95'
     (unknown,) = result['unknowns']
@@ -196,8 +198,13 @@ def test_hindcast_reports_each_outline(mapped, tmp_path):
     words = ['run', mapped[0], '--preset', 'draft', '--spacing', '40', '--device', 'cpu']
     text = done(*words, '-o', tmp_path / 'out', '--maps', '1')
     assert 'Jaccard on 900 s' in text and 'Jaccard on 1800 s' in text
-    scores = json.loads((tmp_path / 'out/run.json').read_text())['outlines']
+    record = json.loads((tmp_path / 'out/run.json').read_text())
+    scores, last = record['outlines'], record['score']
     assert [item['jaccard'] for item in scores] == [1.0, 1.0]
+    # the last outline is that of the end; only its cells are whole
+    assert [item['footprint_area_error'] for item in (*scores, last)] == [0.0, 0.0, 0.0]
+    assert last['area_error'] == last['inundated_area_m2'] / last['mapped_area_m2'] - 1.0 != 0.0
+    assert not any('area_error' in item for item in scores)
     assert 'Jaccard on 1800 s' in (tmp_path / 'out/hindcast.html').read_text()
 
 
@@ -274,6 +281,17 @@ def test_probability_at_a_time_counts_the_weights_of_members():
         tally.add(member)
     (even,) = probability_at([HORIZON], footprints, plan)
     np.testing.assert_array_equal(even, tally.maps().probability)
+
+
+def test_probability_at_a_time_is_on_the_ground_of_that_time():
+    plan = disc_plan()
+    before, after = (np.array(plan.scene.terrain.elevation) for _ in range(2))
+    before[0, 0] = after[-1, -1] = np.nan
+    terrain = replace(plan.scene.terrain, elevation=before)
+    event = TerrainEvent(900.0, 'new ground', replace(terrain, elevation=after))
+    plan = replace(plan, scene=replace(plan.scene, terrain=terrain, events=(event,)))
+    found = probability_at([900.0, HORIZON], [footprint_of(disc_fields(0, 0.5), plan)], plan)
+    np.testing.assert_array_equal(np.isnan(found), np.isnan([before, after]))
 
 
 def test_case_without_outlines_has_none(valley):

@@ -9,13 +9,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rasterio
 
 from eruption import LAVA, VENT, write_case
 from lava_ros.errors import LavaError
 from lava_ros.forecast.partner_runs import measure_run
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.coarse import coarsened, refined
-from lava_ros.hindcast.page import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
+from lava_ros.hindcast.page import (
+    comparison,
+    FALSE_ALARM,
+    HIT,
+    MISS,
+    NEITHER,
+    UNKNOWN,
+    write_maps,
+)
 from lava_ros.hindcast.replicates import agreement, directions, Orientation, run_replicates
 from lava_ros.hindcast.run import request_of, Result, Run, Settings, simulate
 from lava_ros.hindcast.score import score_snapshot
@@ -23,6 +32,7 @@ from lava_ros.layers.recording import Recording
 from lava_ros.runs.scene_run import SceneRun
 from lava_ros.runs.sinks import TimeSink
 from lava_ros.scene import Terrain
+from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation.numerical_error import difference
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
@@ -190,6 +200,37 @@ def test_comparison_classifies_each_cell():
     footprint = np.array([[True, True, False], [False, False, True]])
     codes = comparison(_snapshot(Terrain(ground, 10.0), ground, arrived), footprint)
     assert codes.tolist() == [[HIT, MISS, FALSE_ALARM], [NEITHER, UNKNOWN, MISS]]
+
+
+@pytest.mark.parametrize('method', ['particles', 'cells'])
+def test_maps_of_a_case_are_on_the_ground_of_their_time(valley, tmp_path, method):
+    """The new ground has data where the old one has none, and the other way round."""
+    before, after = (np.array(valley.scene.terrain.elevation) for _ in range(2))
+    before[:4, -4:] = after[-4:, :4] = np.nan
+    terrain = replace(valley.scene.terrain, elevation=before)
+    # at the time of the second map, which is on the ground before
+    event = TerrainEvent(1800.0, 'new ground', replace(terrain, elevation=after))
+    case = replace(valley, scene=replace(valley.scene, terrain=terrain, events=(event,)))
+    settings = Settings('draft', 45.0, device='cpu', maps=4, method=method)
+    assert (settings.coarseness(case) > 1) == (method == 'particles')
+    with SceneRun(request_of(case, settings, output=tmp_path / 'run')) as made:
+        made.run()
+        result = Result.of_run(made)
+        made.finish()
+    folder = tmp_path / 'run'
+    for frame in _frames(folder):
+        expected = before if frame.time <= 1800.0 else after
+        np.testing.assert_array_equal(np.isnan(frame.elevation), np.isnan(expected))
+    several = agreement(case, [result.snapshot])
+    peak = np.nan_to_num(result.snapshot.thickness)
+    files = write_maps(case, 'draft', result, peak, folder, several)
+    whole = {'inundated', 'comparison', 'runs'}
+    for path in files:
+        with rasterio.open(path) as file:
+            is_known = file.read_masks(1)[::-1] > 0
+        assert not is_known[np.isnan(after)].any(), path
+        if path.stem in whole:
+            assert is_known[np.isfinite(after)].all(), path
 
 
 def test_coarse_cells_are_area_weighted_means():

@@ -104,6 +104,9 @@ def test_frames_are_those_of_the_last_run(tmp_path):
     assert Recording(bag).frame_at(450.0).time == 400.0
     recording = Recording(record(tmp_path / 'reset', [200.0, 400.0, 0.0, 100.0, 300.0]))
     assert [frame.time for frame in recording.frames()] == [0.0, 100.0, 300.0]
+    assert recording.frame_at(250.0).time == 100.0
+    with pytest.raises(LavaError, match='time is 350.0, expected 0 to 300 s'):
+        recording.frame_at(350.0)
     recording = Recording(record(tmp_path / 'cut', close=False))
     assert recording.bag.recovered
     assert [frame.time for frame in recording.frames()] == [200.0, 400.0, 600.0, 800.0]

@@ -113,6 +113,25 @@ def test_arrival_and_peak_thickness_are_accumulated(out):
     assert peak[0, 0] == NODATA
 
 
+@pytest.mark.parametrize(('times', 'is_late'), [
+    ((200.0, 400.0), False), ((300.0, 500.0, 700.0), False), ((400.0, 500.0), True),
+    ((400.0,), True),
+])
+@pytest.mark.parametrize('has_times', [False, True])
+def test_maps_that_begin_late_are_named(tmp_path, caplog, times, is_late, has_times):
+    """A resumed node and a late recording have no maps of the beginning."""
+    arrived = (lambda time: np.where(growing(time) > 0.0, 50.0, np.nan)) if has_times else None
+    export_bag(record(tmp_path / 'bag', times, arrived=arrived), tmp_path / 'out')
+    names = 'peak_thickness' if has_times else 'arrival and peak_thickness'
+    text = f'the maps begin at 7 min: lava before that is not in {names}'
+    assert (text in caplog.messages) is is_late
+    with rasterio.open(tmp_path / 'out/peak_thickness.tif') as file:
+        assert float(file.tags()['maps_from_s']) == times[0]
+    with rasterio.open(tmp_path / 'out/arrival.tif') as file:
+        late = file.tags().get('longest_time_between_maps_s')
+        assert late == (None if has_times else repr(max(times[0], *np.diff(times), 0.0)))
+
+
 def test_tags_state_unit_time_and_rounding(out):
     with rasterio.open(out / 'thickness.tif') as file:
         tags = file.tags()

@@ -290,6 +290,10 @@ class Publisher(Asking):
             wait_until(publisher.get_subscription_count, lambda: f'{topic} has no subscriber')  # noqa: B023
             publisher.publish(make())
 
+    def spin(self):
+        """Run one callback that is due, or briefly wait for one."""
+        self._executor.spin_once(timeout_sec=0.1)
+
     def spin_until(self, condition):
         """Run callbacks until a condition holds."""
-        wait_until(lambda: self._executor.spin_once(timeout_sec=0.1) or condition(), pause=0.0)
+        wait_until(lambda: self.spin() or condition(), pause=0.0)

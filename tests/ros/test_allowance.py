@@ -4,6 +4,7 @@
 """Answers of services, rate limits of ROS requests, and requests without limits."""
 
 from concurrent.futures import Future
+from functools import partial
 from types import SimpleNamespace
 from unittest.mock import MagicMock, Mock, PropertyMock
 
@@ -15,6 +16,7 @@ from lava_ros.errors import LavaError
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros.diagnostics import WARN
 from lava_ros.ros.input_log import Allowance, LIMITS
+from lava_ros.ros.node_graph import NodeGraph
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.runtime import NodeRuntime
 from lava_ros.ros.services import create_services
@@ -36,6 +38,7 @@ class NodeServices:
         self.result = Future()
         entities, self.worker = Mock(), Mock()
         entities.node.get_clock.return_value = Clock()
+        entities.wait, entities._calls = partial(NodeGraph.wait, entities), {}
         for command in ('reset', 'step'):
             getattr(self.worker, command).return_value = self.result
         self.worker.status = SimpleNamespace(state=WorkerState.PAUSED)

@@ -363,6 +363,24 @@ def test_pairing_keeps_elevations_at_the_position_of_their_time(stray, lost, ord
     assert len(found) >= 27 and all(one == other for one, other in found)
 
 
+@pytest.mark.parametrize('stamps', [(5, 5), (0, 5), (5, 0), (0, 0)])
+@pytest.mark.parametrize('is_first', [True, False])
+@pytest.mark.parametrize('has_older', [True, False])
+@pytest.mark.parametrize('refused', [Image, MapMetaData])
+def test_partner_of_a_refused_half_waits_for_another_one(refused, has_older, is_first, stamps):
+    image = _plain_image(header=codec.header('map', stamps[0]))
+    info = _info(map_load_time=codec.time_message(stamps[1]))
+    bad, good = (image, info) if refused is Image else (info, image)
+    pairing = _pairing(*[_plain_image(), _info()] * has_older)
+    pairing.poll(0.0)
+    for half in (bad, good) if is_first else (good, bad):
+        (pairing.refuse if half is bad else pairing.add)(half, 20.0)
+    # neither a pair with the older half, nor an error about a missing one
+    assert [pairing.poll(time) for time in (20.0, 20.6, 23.0, 31.0)] == 4 * [None]
+    pairing.add(bad, 40.0)
+    assert pairing.poll(40.6) == (image, info)
+
+
 @pytest.mark.parametrize(
     ('halves', 'patience', 'message_start'),
     [

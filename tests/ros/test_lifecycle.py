@@ -8,11 +8,17 @@ import threading
 
 import numpy as np
 import pytest
+from std_srvs.srv import Trigger
 
 from lava_ros.bag import BagReader
+from lava_ros.live.worker_status import WorkerState
+from lava_ros.ros import node as node_module
 from lava_ros.ros import runtime
 from lava_ros.ros.runtime import NodeRuntime
 from lava_ros.simulation import Simulation
+from ros.graph_publisher import Publisher
+from ros_domain import own_domain
+from waiting import PATIENCE
 
 GRIDS = {'/hazard', '/height', '/temperature'}
 #: Names of a configured node.
@@ -259,3 +265,66 @@ def test_shutdown_of_an_active_node_finishes_its_bag(start, tmp_path):
     assert not BagReader(tmp_path / 'bag').recovered
     assert not node.names() & CONFIGURED
     refuse(node, 'configure', 'no transition of id 1 from', 'finalized')
+
+
+@pytest.mark.parametrize('end', ['cleanup', 'shutdown', 'interrupt'])
+def test_calls_are_answered_when_the_node_ends_their_simulation(start, monkeypatch, end):
+    node, client = start('active'), Publisher(own_domain('local'))
+    monkeypatch.setattr(runtime, 'STOP_TIMEOUT', 0.1)
+    monkeypatch.setattr(node_module, 'SingleThreadedExecutor', lambda: node._executor)
+    make, is_ended = runtime.make_simulation, threading.Event()
+    monkeypatch.setattr(runtime, 'make_simulation', lambda *given: (
+        is_ended.wait(PATIENCE), make(*given)
+    )[1])
+    try:
+        reset = client.node.create_client(Trigger, '/lava/reset')
+        assert reset.wait_for_service(timeout_sec=PATIENCE)
+        executing = reset.call_async(Trigger.Request())
+        node.wait_until(lambda: node.worker.status.state is WorkerState.STARTING)
+        waiting = reset.call_async(Trigger.Request())
+        node.wait_until(lambda: 'reset' in node.worker.status.waiting)
+        if end == 'interrupt':
+            node_module._run(node.node, lambda: True)
+        else:
+            change(node, *(['deactivate'] if end == 'cleanup' else []), end)
+        if end != 'interrupt':
+            node.wait_until(lambda: client.spin() or (executing.done() and waiting.done()))
+        client.spin_until(lambda: executing.done() and waiting.done())
+        for answer in (executing.result(), waiting.result()):
+            assert not answer.success
+            assert answer.message.startswith('The node has ended the simulation before reset was')
+    finally:
+        is_ended.set()
+        client.close()
+    if end == 'cleanup':
+        # the new services are the only ones
+        node.wait_until(lambda: node.node.close())
+        change(node, 'configure')
+        assert node.call('pause')['success']
+
+
+def test_input_that_waits_when_the_node_ends_is_no_error(local):
+    node = local()
+    change(node, 'configure', 'activate')
+    node.publish('vents')
+    node.wait_until(lambda: node.worker._waiting_vents)
+    change(node, 'deactivate', 'cleanup')
+    assert '[ERROR]' not in node.log
+
+
+def test_constants_of_parameters_replace_those_of_the_scene_file(local, tmp_path):
+    np.savez(tmp_path / 'slope.npz', elevation=np.zeros((30, 40)), resolution=10.0)
+    (tmp_path / 'scene.yaml').write_text(
+        'terrain: {file: slope.npz}\nlava: {viscosity: 1.0e4}\ngravity: 3.7\n'
+        'vents: [{position: [200.0, 150.0], effusion_rate: 20.0, temperature: 1360.0}]\n'
+    )
+    node = local(
+        scene=str(tmp_path / 'scene.yaml'), lava__viscosity=2e6, ambient_temperature=250.0
+    )
+    change(node, 'configure', 'activate')
+    node.wait_until(lambda: node.worker.status.state is WorkerState.RUNNING)
+    for starts in (1, 2):
+        view = node.worker.view
+        found = view.scene.lava.viscosity, view.scene.ambient_temperature, view.scene.gravity
+        assert (view.starts, *found) == (starts, 2e6, 250.0, 3.7)
+        assert node.call('reset')['success']

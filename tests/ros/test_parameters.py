@@ -119,6 +119,16 @@ def test_empty_list_can_be_set_and_loaded(node_with):
             assert node.get_parameter('effects_off').value == expected
 
 
+@pytest.mark.parametrize(('value', 'is_valid'), [
+    (30, True), ('3e1', True), (30.0, True), (True, False), ('fast', False),
+])
+def test_numbers_of_any_type_can_be_set(node_with, value, is_valid):
+    node = node_with()
+    (done,) = node.set_parameters([Parameter('time_scale', value=value)])
+    assert done.successful is is_valid
+    assert node.get_parameter('time_scale').value == (30.0 if is_valid else 1.0)
+
+
 @pytest.mark.parametrize(
     ('changes', 'sentence'),
     [

@@ -288,7 +288,7 @@ def test_ground_of_an_emplaced_flow_remains_when_a_case_changes_the_ground(folde
         for some in ([], flows)
     )
     for time in (0.0, 4000.0):
-        added = raised.at(time).terrain.elevation - bare.at(time).terrain.elevation
+        added = raised.ground_at(time).elevation - bare.ground_at(time).elevation
         assert added.max() == pytest.approx(3.0, abs=1e-3) and (added > 1.0).sum() >= 4
-    dammed = raised.at(4000.0).terrain.elevation - raised.terrain.elevation
+    dammed = raised.ground_at(4000.0).elevation - raised.terrain.elevation
     assert dammed.max() == pytest.approx(10.0, abs=1e-2)

@@ -90,7 +90,7 @@ def test_flow_continues_from_its_outline(folder):
     first, last = score_outlines(case, [result.snapshot])
     outlines = [item.footprint.sum() for item in case.outlines]
     areas = [
-        (1.0 + item.area_error) * cells
+        (1.0 + item.footprint_area_error) * cells
         for item, cells in zip((first, last), outlines, strict=True)
     ]
     assert case.initial.sum() <= areas[0] < areas[1]
