@@ -4,6 +4,7 @@
 """Damaged bags: every command reports the damage, and shows or saves the rest."""
 
 from collections.abc import Callable, Iterator
+import datetime
 import os
 from pathlib import Path
 import random
@@ -257,7 +258,7 @@ def test_refuses_an_invalid_message_count(bag: Path, count: str) -> None:
         BagReader(bag)
 
 
-@pytest.mark.parametrize('flips', [2, pytest.param(500, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize('flips', [2, pytest.param(100, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize('kind', [
     'finished',
     *(pytest.param(kind, marks=pytest.mark.nightly) for kind in ('cut off', YAML)),
@@ -330,7 +331,8 @@ def test_a_flipped_bit_is_never_silent(
 
     expected = results()
     assert {status for status, _, _ in expected.values()} == {0}, expected
-    chance = random.Random(kind)
+    # other places each night; a failure names its own
+    chance = random.Random(kind if flips == 2 else f'{kind} {datetime.date.today()}')
     for index in range(flips):
         place = chance.choice(places) if index % 2 else chance.randrange(len(data))
         bit = chance.randrange(8)

@@ -76,8 +76,8 @@ def grounds() -> Iterator[Line]:
 
 def carriers() -> Iterator[Line]:
     """Yield the errors of carriers of heat on the same cells."""
-    yield ('carrier', 'cells', 'front of `cooling_plane`', 'its area', 'front of `cooling_front`',
-           'CPU time over that of van Leer')
+    yield ('carrier', 'cells', 'front of `cooling_plane`', 'its area',
+           'front of a sheet below a wall', 'CPU time over that of van Leer')
     rows = lines_of('cell_heat.csv')
     times = {row['cell']: float(row['cpu']) for row in rows if row['carrier'] == 'van Leer'}
     for row in rows:

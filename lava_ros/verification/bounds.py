@@ -137,7 +137,9 @@ BOUNDS: dict[str, dict[str, Limits]] = {
         'temperature, Newtonian': (0.018, 0.014, 0.01),
         'temperature, Bingham': (0.026, 0.018, 0.015),
     },
-    'cooling_front': {'front': (0.012, 0.01, 0.007), 'profile': (0.05, 0.04, 0.037)},
+    'cooling_front': {
+        'centre of mass': (0.018, 0.0105, 0.007), 'profile': (0.033, 0.03, 0.03),
+    },
     'cooling_plane': {'footprint': 0.06, 'front': (0.025, 0.02, 0.015)},
     'silicone_oil': {
         'power at 1 thermal radii': (0.026, 0.014, 0.009),

@@ -15,7 +15,7 @@ COLUMNS = ('tried', 'refused', 'failed', 'longest_s')
 #: Minimum number of trials of each kind in a night.
 KINDS = {
     'scenes': 2000, 'messages': 2000, 'bags': 500, 'command lines': 2000, 'kills': 20,
-    'flips': 1500, 'rasters': 400, 'vectors': 400, 'tables': 400, 'YAML': 400,
+    'flips': 300, 'rasters': 400, 'vectors': 400, 'tables': 400, 'YAML': 400,
 }
 
 

@@ -46,7 +46,7 @@ def test_last_frame_is_in_physical_units(grids):
 
 def test_frame_has_ground_vents_and_scene(tmp_path):
     closed = Vent((10.0, 60.0), 0.0, 1423.0, name='closed')
-    fissure = replace(VENT, end=(5.0, 25.0))
+    fissure = replace(VENT, end=(5.0, 25.0), discharge=0.5)
     frame = Recording(record(tmp_path / 'bag', vents=(fissure, closed))).frame_at()
     np.testing.assert_array_equal(frame.elevation, TERRAIN.elevation)
     assert (frame.resolution, frame.origin) == (5.0, (-50.0, 20.0))
@@ -163,6 +163,7 @@ def test_rejects_bags_with_invalid_yaml(tmp_path):
     ('/vents', {'point_step': 0}, 'vents.fields.x.offset'),
     ('/vents', {'fields': []}, 'vents.fields'),
     ('/vents', {'data': [0, 0, 0xC0, 0x7F] * 11}, 'vents.data'),
+    ('/vents', {'data': list(np.float32([2e9] + [1.0] * 10).tobytes())}, 'vents.data is 2000000'),
     ('/height', {'info': MapMetaData(height=2**31, width=2)}, 'message on /height'),
 ])
 def test_rejects_inconsistent_messages(grids, tmp_path, topic, fields, words):

@@ -204,18 +204,28 @@ def test_scale_changes_the_clock_but_not_the_time_reached():
     driven.run(driven.worker.set('time_scale', 60.0))
     driven.worker._update_status()
     assert driven.worker.status.age == status.age
+    # a lag remains in time of the clock
+    pace, view = driven.worker.pace, driven.session.view
+    pace.target = view.time + view.step + 120.0
+    lag = pace.lag
+    driven.run(driven.worker.set('time_scale', 30.0))
+    assert pace.lag == pytest.approx(lag)
+    assert pace.target == pytest.approx(view.time + view.step + 60.0)
 
 
-def test_state_is_stale_when_it_does_not_follow_the_clock():
-    driven = Driven()
+@pytest.mark.parametrize('scale', [1.0, 10.0])
+def test_state_is_stale_when_it_does_not_follow_the_clock(scale):
+    driven = Driven(time_scale=scale)
     *_, status = driven.follow(100.0)
-    assert status.max_age == pytest.approx(driven.session.view.step + MAX_DELAY + 0.1)
+    delay = (MAX_DELAY + 0.1) * scale
+    assert status.max_age == pytest.approx(driven.session.view.step + delay)
     # the thread is busy: the clock continues, and nothing updates the status
     driven.now += MAX_DELAY
     assert driven.worker.status.age == status.age
     driven.worker._updated -= 10.0
     age = driven.worker.status.age
-    assert age == pytest.approx(status.age + MAX_DELAY) and not driven.worker.status.is_stale
+    assert age == pytest.approx(status.age + MAX_DELAY * scale)
+    assert not driven.worker.status.is_stale
     driven.now += status.max_age
     assert driven.worker.status.is_stale
     # it has continued

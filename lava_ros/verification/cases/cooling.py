@@ -45,8 +45,12 @@ CRUSTED = 70.0, 300.0
 #: particles at a refinement of 1 [m].
 REACH, SPACING = 2.5, 2.0
 
-#: Time at which the front of a sheet is measured [s], and side of the cells of its reference [m].
+#: Time at which an advancing sheet is measured [s], and side of the cells of its reference [m].
 FRONT_TIME, CELL = 2000.0, 1.25
+
+#: Ends of the slope of the advancing sheet, which flows 7 m up from the fissure, and its width
+#: [m]: the middle of a sheet of 180 m loses 0.5 % of its lava to the sides.
+TOP, BOTTOM, OPEN_WIDTH = -32.5, 220.0, 300.0
 
 #: Discharge of the point source [m3/s], its radius [m], and time of measuring its flow [s].
 DISCHARGE, RADIUS, END = 5.0, 10.0, 7200.0
@@ -58,16 +62,20 @@ WINDOW, MAP = (-60.0, -90.0, 420.0, 90.0), 5.0
 def _fissure(
     lava: Lava, effects: Effects, accuracy: Accuracy, device: str, *, length: float,
     thickness: float, particles: Particles | None = None, width: float = WIDTH,
+    top: float | None = None,
 ) -> case.Trial:
-    """Return a fissure across the slope, below a wall that keeps lava from flowing back.
+    """Return a fissure across the slope.
 
     The ground is ``length`` long below it [m], and the flow is expected to be ``thickness`` thick
-    [m].
+    [m]. The slope continues upwards to x = ``top`` [m]; by default a wall above the fissure keeps
+    lava from flowing back.
     """
     half = 0.5 * width
-    ground = case.plane((-4.0 * REACH, -half - 20.0, length, half + 20.0), 1.0, SLOPE)
-    x = ground.origin[0] + np.arange(ground.shape[1]) + 0.5
-    ground = replace(ground, elevation=ground.elevation + 3.0 * np.maximum(-REACH - x, 0.0))
+    upper = -4.0 * REACH if top is None else top
+    ground = case.plane((upper, -half - 20.0, length, half + 20.0), 1.0, SLOPE)
+    if top is None:
+        x = ground.origin[0] + np.arange(ground.shape[1]) + 0.5
+        ground = replace(ground, elevation=ground.elevation + 3.0 * np.maximum(-REACH - x, 0.0))
     vent = Vent((0.0, -half), FLUX * width, radius=REACH, end=(0.0, half), temperature=HOT)
     return case.Trial(
         Scene(ground, (vent,), lava, ambient_temperature=COLD), accuracy, device, effects=effects,
@@ -137,16 +145,40 @@ def _in_bands(x: np.ndarray, values: np.ndarray, edges: np.ndarray) -> np.ndarra
     return np.histogram(x, edges, weights=values)[0]
 
 
+def advancing_sheet(accuracy: Accuracy, device: str) -> case.Trial:
+    """Return the sheet of ``cooling_front``, from a fissure on an open slope."""
+    return _fissure(
+        STIFFENING, COOLING, accuracy, device, length=BOTTOM, thickness=1.5, width=OPEN_WIDTH,
+        top=TOP,
+    )
+
+
+def middle_of(trial: case.Trial) -> tuple[np.ndarray, np.ndarray]:
+    """Return places x and thickness [m] along the middle 60 m of an advancing sheet."""
+    grid = trial.field((TOP, -30.0, BOTTOM - 10.0, 30.0))
+    return grid.x, grid.along_x(30.0)
+
+
+def centre_of_mass(x: np.ndarray, thickness: np.ndarray) -> float:
+    """Return the mean place x of the lava of a profile [m]."""
+    return float((x * thickness).sum() / thickness.sum())
+
+
 def _run_front(accuracy: Accuracy, device: str) -> case.Run:
-    """Compare front and thickness of an advancing sheet, in the middle of a wide fissure."""
-    trial = _fissure(STIFFENING, COOLING, accuracy, device, length=220.0, thickness=1.5)
+    """Compare an advancing sheet in the middle of a wide fissure.
+
+    Maps smear the front over the kernel radius. That moves its edge forward, while the lava is
+    behind, so the error of the edge has either sign. It does not move the centre of mass.
+    """
+    trial = advancing_sheet(accuracy, device)
     trial.advance(FRONT_TIME)
-    x = -REACH + (np.arange(len(exact.FRONT_PROFILE)) + 0.5) * CELL
-    grid = trial.field((-REACH, -30.0, 210.0, 30.0))
-    line, expected = grid.along_x(30.0), np.interp(grid.x, x, exact.FRONT_PROFILE)
-    found, wanted = (case.front(grid.x, values, FRONT) for values in (line, expected))
-    trial.compare('front', found, wanted, 'm')
-    trial.compare_mean(line, expected)
+    x = exact.FRONT_FIRST + np.arange(len(exact.FRONT_PROFILE)) * CELL
+    profile = np.array(exact.FRONT_PROFILE)
+    place, line = middle_of(trial)
+    trial.compare(
+        'centre of mass', centre_of_mass(place, line), centre_of_mass(x, profile), 'm'
+    )
+    trial.compare_mean(line, np.interp(place, x, profile))
     return trial.run()
 
 

@@ -24,6 +24,7 @@ from lava_ros.products.report.page import write_report
 from lava_ros.products.report.sections import depth_table, facts, warnings
 from lava_ros.products.report.summary import summarize
 from lava_ros.products.run_page import read_run
+from lava_ros.products.run_warnings import warnings_of_recording
 from lava_ros.scene.onset import Onset
 from lava_ros.simulation.output.budget import VolumeBudget
 from products.report.conftest import HOSTILE
@@ -190,6 +191,24 @@ def test_page_warns_if_the_bag_was_cut_off(tmp_path):
         'The recording was cut off, or still continues: data after its last complete message are '
         'missing.'
     ) < read.texts.index('simulated')
+
+
+@pytest.mark.parametrize(('options', 'is_damaged', 'words'), [
+    ({}, False, None),
+    ({'times': [200.0, 400.0, 0.0, 100.0]}, False, 'The simulation was reset during the rec'),
+    ({}, True, 'Part of the bag is damaged or missing'),
+    ({'flow': lambda time: np.zeros(TERRAIN.shape, dtype=np.float32)}, False, 'There is no lava'),
+])
+def test_recording_has_the_warnings_of_its_run(options, is_damaged, words, tmp_path):
+    bag = record(tmp_path / 'bag', **options)
+    if is_damaged:
+        (path,) = BagReader(bag).files
+        data = bytearray(path.read_bytes())
+        data[len(data) // 2] ^= 0xFF
+        path.write_bytes(data)
+    read = Recording(bag)
+    found = warnings_of_recording(read, read.timeline.last_run)
+    assert [text.startswith(words) for text in found] == [True] if words else not found
 
 
 def test_picture_and_page_agree(tmp_path):
