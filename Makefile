@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 STAMP := $(VENV)/.installed
 ARGS ?=
+# A test of the night may take hours; others hang after the time in pyproject.toml.
+LONG := -o faulthandler_timeout=14400
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test colcon coverage docs look hard hard-published safeguards nightly audit soak lint types clean
@@ -42,9 +44,9 @@ nightly: $(STAMP)  ## Run the fuzzers with thousands of examples, the tests mark
 	@mkdir -p build
 	@rm -f build/fuzz.json
 	@failed=; export LAVA_FUZZ_FIGURES=build/fuzz.json; \
-	$(VENV)/bin/python -m pytest tests/fuzz --hypothesis-profile=nightly --numprocesses auto --dist load $(ARGS) \
+	$(VENV)/bin/python -m pytest tests/fuzz --hypothesis-profile=nightly --numprocesses auto --dist load $(LONG) $(ARGS) \
 	  || failed="$$failed fuzz"; \
-	$(VENV)/bin/python -m pytest tests -m nightly --numprocesses auto --dist loadfile \
+	$(VENV)/bin/python -m pytest tests -m nightly --numprocesses auto --dist loadfile $(LONG) \
 	  --junitxml=build/nightly.xml || failed="$$failed marked"; \
 	PYTHONPATH=tests $(VENV)/bin/python tests/install/installed_node.py || failed="$$failed install"; \
 	$(VENV)/bin/python tests/install/image.py || failed="$$failed image"; \
