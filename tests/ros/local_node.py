@@ -158,6 +158,8 @@ class LocalNode(Asking, Hearing):
     def run(self, seconds):
         """Advance the clock [s], and wait until the simulation has followed and published it."""
         end, worker = self.now + seconds, self.worker
+        # a scene is visible before its simulation follows the clock
+        self.wait_until(lambda: worker.status.state is not WorkerState.STARTING)
         reached = self.simulated
         while self.now < end:
             step = min(STEP, end - self.now)

@@ -39,6 +39,7 @@ from lava_ros.scene.terrain_files import load_terrain
 from recording import record, SECOND, START, TERRAIN
 from ros.graph_publisher import elevation, georeference, image, info, Publisher
 from ros_domain import own_domain
+from waiting import PATIENCE
 
 #: A projection around a volcano, which has no EPSG code.
 LOCAL = CRS.from_proj4('+proj=tmerc +lat_0=37.75 +lon_0=15 +k=1 +ellps=GRS80 +units=m').to_wkt()
@@ -368,7 +369,7 @@ def test_exported_map_lies_where_the_terrain_lies(local, tmp_path, source, syste
     file = {'terrain_file': str(path)} if source == 'file' else {}
     node = started(local, name, record=True, bag_directory='bag', remap=RULES[rules], **file)
     if file:
-        node.worker.set_vents(scene_on(path).vents).result()
+        node.worker.set_vents(scene_on(path).vents).result(PATIENCE)
     with nullcontext() if file else feeding(path, *RULES[rules]):
         bag = recorded(node, name)
     check_export(bag, path, tmp_path / 'out')
