@@ -134,7 +134,7 @@ class Forecaster(ProcessThread):
     def _step(self) -> None:
         """Begin a forecast that is due, forward outlines, and process one reply."""
         self._report_changes()
-        self._cancel_outdated()
+        self._cancel_outdated(self.worker.view.changes)
         is_another = self.worker.view.changes != self._changes
         due = self._due_after_change if is_another else self._due
         is_due = self.is_wanted and time.monotonic() >= due
@@ -174,8 +174,8 @@ class Forecaster(ProcessThread):
         has_members = self.rules().members > 0
         return state != self._forked or (has_members and self.ensembles.is_wanted(*state))
 
-    def _cancel_outdated(self) -> None:
-        changes = self.worker.view.changes
+    def _cancel_outdated(self, changes: int) -> None:
+        """Cancel what is in progress if the scene has had other ``changes``, or is not wanted."""
         is_outdated = not self.is_wanted or changes != self._changes
         if is_outdated and (self._current_fork is not None or self.ensembles.is_busy):
             if self._process is not None:
@@ -206,6 +206,8 @@ class Forecaster(ProcessThread):
         fork = self._fork()
         if fork is None:
             return
+        # the scene may have changed since this step began
+        self._cancel_outdated(fork.changes)
         self._number += 1
         self._renew_share(rules)
         self._put_status(progress=0.0)

@@ -3,13 +3,14 @@
 
 """Forecasts during a live simulation."""
 
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, Future
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 import os
 import queue
 import signal
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,7 +29,9 @@ from lava_ros.live.forecaster import (
     MIN_DUTY_CYCLES,
     MIN_PERIOD,
 )
+from lava_ros.live.session import Fork
 from lava_ros.live.worker import SimulationWorker
+from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.processes import requests as request_loops
 from lava_ros.processes.requests import NICENESS
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -236,6 +239,48 @@ def test_failed_forecast_is_reported_without_affecting_the_simulation(bench):
     bench.rules, old = RULES, bench.forecaster.latest
     bench.forecast(lambda item: item is not old)
     assert bench.worker.status.error == bench.forecaster.status.error == ''
+
+
+def test_ensemble_of_a_scene_that_changes_before_the_next_copy_is_cancelled(monkeypatch):
+    monkeypatch.setattr(forecaster, 'MIN_PERIOD', 0.0)
+    checkpoint, asked, replies = simulation_of(scene()).checkpoint(), [], []
+    process = SimpleNamespace(
+        request=lambda name, **values: asked.append((name, values)),
+        reply=lambda _: replies.pop() if replies else None,
+    )
+    worker = SimpleNamespace(
+        view=SimpleNamespace(changes=1, step=1.0), latest=SimpleNamespace(time=0.0),
+        status=WorkerStatus(WorkerState.RUNNING, device='cpu'),
+    )
+
+    def fork():
+        copied = Future()
+        copied.set_result(Fork(checkpoint, worker.view.changes, 0.0, 0.0))
+        return copied
+
+    worker.fork = fork
+    rules = replace(RULES, members=4)
+    made = Forecaster(worker, lambda: rules, make_process=lambda: process)
+    made.want(True)
+    made._step()
+    maps = dict.fromkeys(('arrival', 'inundated', 'thickness', 'temperature'))
+    replies.append(('forecast', {
+        **maps, 'number': 1, 'time': 0.0, 'horizon': 200.0, 'threshold': 0.01, 'duration': 1.0,
+        'particle_count': 0,
+    }))
+    made._step()
+    assert [values['ensemble']['changes'] for name, values in asked if name == 'fork'] == [1]
+
+    def fork_after_a_change():
+        worker.view.changes = 2
+        return fork()
+
+    # the ensemble is still in progress when the next forecast begins
+    worker.fork, worker.latest = fork_after_a_change, SimpleNamespace(time=5.0)
+    asked.clear()
+    made._step()
+    names = [name for name, _ in asked if name in ('cancel', 'fork')]
+    assert names == ['cancel', 'fork'] and asked[-1][1]['ensemble']['changes'] == 2
 
 
 def test_share_of_forecasts_falls_when_the_simulation_is_behind():
