@@ -204,13 +204,14 @@ def resolution_of(
         LavaError: If the spacing is too small for cells of the terrain.
     """
     effects = estimated_effects(scene, accuracy, forced, horizon=horizon)
-    return _resolution_with(scene, accuracy, effects, horizon=horizon)
+    found = _resolution_with(scene, accuracy, effects, horizon=horizon)
+    return replace(found, kind=kind_of(scene, horizon))
 
 
 def _resolution_with(
     scene: Scene, accuracy: Accuracy, effects: Effects, *, horizon: float
 ) -> Resolution:
-    """Return the resolution of a scene whose estimates include some effects."""
+    """Return the resolution of a scene, without a kind, by estimates that include some effects."""
     mobility = math.inf if accuracy.mobility_limit is None else accuracy.mobility_limit
     course = course_of(scene, effects, horizon=horizon, mobility=mobility)
     width = math.nan if course is None else course.width
@@ -223,7 +224,6 @@ def _resolution_with(
         thickness = expected_thickness(scene)
         if course is not None:
             thickness = max(course.thickness_of(emitted), MIN_THICKNESS)
-    kind = kind_of(scene, horizon)
     cell = scene.terrain.resolution
     # lava that has hardly left its vent is a disc, not a flow as wide as the path allows
     width = min(width, 2.0 * math.sqrt(emitted / (math.pi * thickness)))
@@ -239,7 +239,7 @@ def _resolution_with(
     def known(spacing: float, limit: str) -> Resolution:
         across = width / spacing
         return Resolution(
-            spacing, thickness, width, across, cell, limit, kind, extent, least, emitted,
+            spacing, thickness, width, across, cell, limit, None, extent, least, emitted,
             accuracy.method,
         )
 
