@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 import math
@@ -26,7 +27,8 @@ def draw(
 ) -> None:
     """Draw a panel for each case with a cost, under its title; the suffix chooses the format.
 
-    ``titles`` has the title of each case by name, ``before`` the rows of an earlier report.
+    ``titles`` has the title of each case by name, ``before`` the rows of an earlier report. The
+    heading has the machine of most rows, and a panel any other one.
 
     Raises:
         LavaError: If matplotlib is not installed, or the picture cannot be written.
@@ -38,6 +40,7 @@ def draw(
     swept = list(dict.fromkeys(point.case for point in everything if not point.preset))
     cases = swept or list(dict.fromkeys(point.case for point in everything))
     colours = dict(zip(presets_of(everything), _COLOURS, strict=False))
+    machine = Counter(row.machine for row in rows).most_common(1)[0][0]
     columns = max(1, min(len(cases), 3))
     lines = max(1, math.ceil(len(cases) / columns))
     width, height = (7.2, 5.2) if columns == 1 else (4.0 * columns, 3.3 * lines + 1.1)
@@ -50,6 +53,10 @@ def draw(
             front = pareto_front([point for point in former if point.case == name])
             axes.plot(*_places(front), color=_GREY, linestyle='--', linewidth=1.3, zorder=1)
             axes.set_title(titles.get(name, name), loc='left', fontsize=10, color=_INK)
+            others = dict.fromkeys(row.machine for row in rows if row.case == name)
+            others.pop(machine, None)
+            axes.text(0.98, 0.97, '\n'.join(others), transform=axes.transAxes, fontsize=7,
+                      color='#555555', va='top', ha='right')
             if index % columns == 0:
                 axes.set_ylabel('largest relative error', fontsize=9, color=_INK)
             if index + columns >= len(cases):
@@ -57,7 +64,7 @@ def draw(
         top = 1.0 - 0.2 / height
         figure.text(0.012, top, 'What accuracy costs', fontsize=14, weight='bold', color=_INK,
                     va='center')
-        figure.text(0.988, top, rows[0].machine, fontsize=9, color='#555555', va='center',
+        figure.text(0.988, top, machine, fontsize=9, color='#555555', va='center',
                     ha='right')
         _draw_legend(figure, colours, height, has_former=bool(former))
         if not cases:

@@ -138,6 +138,16 @@ def test_chart_shows_the_front_of_an_earlier_report(tmp_path, row, monkeypatch):
     assert ['front before' in texts for texts in legends] == [False, True]
 
 
+def test_panels_name_a_machine_that_is_not_in_the_heading(tmp_path, row, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **__: drawn.append(figure))
+    rows = [row(case='a', machine='new'), *(row(case=name, machine='old') for name in 'bc')]
+    draw(rows, {}, tmp_path / 'a.png')
+    (figure,) = drawn
+    assert [text.get_text() for text in figure.texts].count('old') == 1
+    assert [axes.texts[0].get_text() for axes in figure.axes] == ['new', '', '']
+
+
 def test_unwritable_chart_is_an_error_that_names_the_file(tmp_path, row):
     with pytest.raises(LavaError, match=r'none/a\.png'):
         draw([row()], {}, tmp_path / 'none/a.png')
