@@ -151,11 +151,11 @@ def export_bag(
         raise recording.missing_error(asked, 'terrain and a map')
     if note := time_note(None if every else asked, last):
         _LOG.warning(note)
-    late = [] if history.is_noted else ['arrival']
-    if history.begins_late and (late := [*{*late, 'peak_thickness'} & {*maps}]):
+    observed = {'peak_thickness'} if history.is_noted else {'arrival', 'peak_thickness'}
+    if history.begins_late and (incomplete := sorted(observed & set(maps))):
         _LOG.warning(
             f'the maps begin at {duration(history.first_time)}: lava before that is not in '
-            f'{" and ".join(sorted(late))}'
+            f'{" and ".join(incomplete)}'
         )
     if not every:
         write_layers(last)

@@ -264,7 +264,8 @@ class TerrainPairing:
         self._halves: dict[type, Any] = {}
         self._new: set[type] = set()
         self._begun, self._is_waiting = 0.0, False
-        self._refused: tuple[type, int, float] = (type(None), 0, 0.0)
+        # type, stamp [ns] and time [s] of the newest half that has been refused
+        self._refused: tuple[type, int, float] | None = None
 
     def refuse(self, half: Image | MapMetaData, now: float) -> None:
         """Note that a half has been refused at monotonic time ``now`` [s]."""
@@ -274,16 +275,16 @@ class TerrainPairing:
 
     def _is_alone(self, half: Image | MapMetaData, now: float) -> bool:
         """Return True if the partner of a half has been refused."""
-        (kind, stamp, refused), own = self._refused, _stamp_of(half)
-        if kind in (type(None), type(half)):
+        if self._refused is None or self._refused[0] is type(half):
             return False
+        (_, stamp, refused), own = self._refused, _stamp_of(half)
         return own == stamp if own and stamp else now - refused < SETTLE
 
     def add(self, half: Image | MapMetaData, now: float) -> None:
         """Add a checked image or description at monotonic time ``now`` [s]."""
         self._halves[type(half)] = half
-        if type(half) is self._refused[0]:
-            self._refused = (type(None), 0, 0.0)
+        if self._refused is not None and self._refused[0] is type(half):
+            self._refused = None
         if self._is_alone(half, now):
             return
         self._new.add(type(half))

@@ -138,7 +138,7 @@ class CellLava:
         assert self.accuracy.spacing is not None
         self.grid = grid_of(terrain, self.accuracy.spacing)
         if self.grid.resolution != self.accuracy.spacing:
-            # on another terrain the cells have the size that is nearest to the former one
+            # on another terrain, the size of its cells that is nearest to the previous size
             self.accuracy = replace(self.accuracy, spacing=self.grid.resolution)
         self._fraction_with_data = fraction_with_data(terrain, self.grid)
         lava = self.scene.lava
