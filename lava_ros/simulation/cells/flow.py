@@ -144,7 +144,6 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
         'STABLE': _STABLE,
         'LIMITS': _LIMITS,
         'STEEPEST': f'{_STEEPEST}f',
-        'WHOLE_ROWS': '_Pragma("clang loop vectorize_predicate(enable)")',
     }
     code = flow_source.STEP
     for name, text in parts.items():

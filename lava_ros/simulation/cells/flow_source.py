@@ -180,7 +180,6 @@ STEP = """
             float* APART first = axis ? first_y : first_x;
             for (long p = from; p <= to; p += lanes) face_of(p, p + next, factor, mobility, held);
             int highest = 0;
-            WHOLE_ROWS
             for (long p = from; p <= to; p += lanes) {
                 const Flux f = flux_of(
                     p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
@@ -200,7 +199,6 @@ STEP = """
                         const float* APART drop, const float*, const float*) {
             float* APART first = axis ? first_y : first_x;
             int highest = 0;
-            WHOLE_ROWS
             for (long p = from; p <= to; p += lanes) {
                 const float fall = y[p] - y[p + next] + drop[p];
                 const float a = above_film(y[p]), b = above_film(y[p + next]);
@@ -307,7 +305,6 @@ STEP = """
                     for (long p = from; p <= to; p += lanes) older[p] = t0 * first[p];
                     return;
                 }
-                WHOLE_ROWS
                 for (long p = from; p <= to; p += lanes) {
                     const Flux f = flux_of(
                         p, p + next, side, drop[p], factor, beside, mobility[p], HELD);

@@ -40,7 +40,7 @@ from lava_ros.simulation.cells.threads import COLDEST, shared, SLOTS
 _REAL = wp.float32
 
 #: Instruction to the compiler; float64 in a loop would halve the number of its lanes.
-_VECTORISED = '_Pragma("clang loop vectorize_width(8) vectorize_predicate(enable)")'
+_VECTORISED = '_Pragma("clang loop vectorize_width(8)")'
 
 #: Changes of temperature and time of emission by transport.
 _TRANSPORT = """

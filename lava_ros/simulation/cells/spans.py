@@ -4,7 +4,8 @@
 """Spans of the rows of a window that a step visits: two cells beyond lava and vents.
 
 A flow down a mountain fills a small part of the rectangle around it. Each row has its own first
-and last column; beyond them nothing moves.
+and last column; beyond them nothing moves. On a CPU these are multiples of eight, so that the
+loops over a row need no other instructions for its end.
 """
 
 from functools import lru_cache
@@ -58,6 +59,8 @@ _FIND = """{
         if (from <= to) {
             from = from - 2 > left ? from - 2 : left;
             to = to + 2 < right ? to + 2 : right;
+            // the faces along a row fill the vectors of a CPU
+            if (is_serial) from &= -8, to = to + 7 < s.stride ? (to + 7) & -8 : s.stride - 1;
         }
         spans[4 * i] = from, spans[4 * i + 1] = to;
     }

@@ -170,6 +170,25 @@ def test_dome_with_a_yield_strength_stops_in_the_exact_shape(turn):
     assert error < 0.02
 
 
+def test_rows_have_full_vectors_and_lava_flows_alike_anywhere_in_them():
+    width, found = 47, []
+    columns = np.arange(1, width + 1)
+    slope = -0.3 * np.arange(30.0)[:, None] + np.zeros(width)
+    for shift in range(9):
+        thickness = np.zeros(slope.shape)
+        thickness[8:22, 15 + shift : 25 + shift] = 2.0
+        state, advance = lava_on(slope, 5.0, thickness)
+        flow = advance(60.0)
+        found.append(np.roll(flow, -shift, axis=1))
+        for row, cells in zip(state.spans.numpy().reshape(-1, 4)[1:], flow > 0.3, strict=False):
+            if not cells.any():
+                continue
+            begin, end = row[:2]
+            assert begin % 8 == 0 and (end % 8 == 0 or end == width + 1)
+            assert begin + 2 <= columns[cells].min() and columns[cells].max() <= end - 2
+    np.testing.assert_array_equal(found, np.broadcast_to(found[0], np.shape(found)))
+
+
 def test_lava_is_neither_lost_nor_less_than_nothing():
     x, y = centres(200.0, 5.0)
     rough = 8.0 * np.sin(x / 11.0) * np.cos(y / 7.0) - 0.5 * x
