@@ -21,6 +21,11 @@ _INK, _GREY, _FRONT = '#222222', '#9aa0a6', '#d1495b'
 #: Colours of the presets, starting with the fastest, and of the paper's.
 _COLOURS = ('#fb9a06', '#e2583b', '#a92e5e', '#3d0f56', '#5f6368')
 
+#: Ticks within a decade on an axis of more than some decades.
+_SUBDIVISIONS = (
+    (2.5, (1.0,)), (1.2, (1.0, 3.0)), (0.8, (1.0, 2.0, 5.0)), (0.0, (1.0, 1.5, 2.0, 3.0, 5.0, 7.0))
+)
+
 
 def draw(
     rows: Sequence[Row], titles: dict[str, str], output: Path, before: Sequence[Row] = ()
@@ -101,15 +106,17 @@ def _places(found: Sequence[Point]) -> tuple[list[float], list[float]]:
 
 
 def _set_limits(axes: Any, found: Sequence[Point]) -> None:
-    """Set axis ticks to powers of ten, with values in between if they span less than two."""
+    """Set axis limits, and ticks at powers of ten with more in between the shorter the axis."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     costs, errors = _places(found)
-    for axis, values, text in ((axes.xaxis, costs, seconds), (axes.yaxis, errors, percent)):
-        low, high = min(values) / 1.6, max(values) * 1.6
-        axis.set_view_interval(low, high, ignore=True)
+    axes.set(
+        xlim=(min(costs) / 1.6, max(costs) * 1.6), ylim=(min(errors) / 1.6, max(errors) * 1.6)
+    )
+    for axis, text in ((axes.xaxis, seconds), (axes.yaxis, percent)):
+        low, high = axis.get_view_interval()
         decades = math.log10(high / low)
-        subs = (1.0,) if decades > 2.5 else (1.0, 3.0) if decades > 1.2 else (1.0, 2.0, 5.0)
+        subs = next(subs for least, subs in _SUBDIVISIONS if decades > least)
         axis.set_major_locator(LogLocator(subs=subs))
         axis.set_major_formatter(FuncFormatter(lambda value, _, text=text: text(value)))
         axis.set_minor_formatter(NullFormatter())
