@@ -44,13 +44,10 @@ def fitted() -> dict[str, float]:
     return {name: float(best[name]) for name in UNITS if best.get(name)}
 
 
-#: Constants of a crust that loses less heat than that of `etna_basalt`.
-CRUST = {'crust_cover': 0.97, 'crust_temperature': 715.0}
-
 #: A lava of ``lava materials`` and constants that replace its own, by the name of the set.
 SETS: dict[str, tuple[str, Mapping[str, float]]] = {
     'etna_basalt': ('etna_basalt', {}),
-    'less heat lost': ('etna_basalt', CRUST),
+    'etna_basalt_cells': ('etna_basalt_cells', {}),
     'fitted to 24 September': ('etna_basalt', fitted()),
     'published, well crusted': ('etna_magflow', {}),
     'published, poorly insulated': (

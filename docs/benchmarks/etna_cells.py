@@ -4,13 +4,13 @@
 """Find out why a mapped flow covers less on cells than with particles.
 
 python docs/benchmarks/etna_cells.py OUT.csv --case etna2006 --day 5
-    [--limiters | --only CELL[:EDGE[:crust[:LIMITER[:STEPS]]]] ...]
+    [--limiters | --only CELL[:EDGE[:fitted[:LIMITER[:STEPS]]]] ...]
 
 A row is a run on cells of a size [m] (0: particles at `draft`): the area of the cells that are
 covered at least half after some days, and the inundated area and the scores of the end. ``EDGE``
 is the fraction of its thickest neighbour that a cell loses heat as at least, the solver's without.
-Runs with another fraction and on cells of 5 m end after these days. Those with `crust` have a
-crust that loses less heat, within the published ranges.
+Runs with another fraction and on cells of 5 m end after these days. Those with `fitted` have the
+constants that fit on cells of 10 m, ``CELLS``.
 
 Runs that name a limiter of the temperature's slope (`LIMITERS`; `third` is the solver's), or the
 length of steps over that of others, end after these days, too. They have the volume that is solid
@@ -25,7 +25,6 @@ from pathlib import Path
 import re
 from typing import Any
 
-from eruptions import CRUST
 import numpy as np
 
 from lava_ros.forecast.pool import Pool
@@ -38,7 +37,13 @@ from lava_ros.verification.measure import machine_name
 from lava_ros.verification.rows import write_csv
 
 #: Size of cells [m], and fraction of the thickest neighbour.
-RUNS = ('0', '0::crust', '20', '10', '10::crust', '5', '20:0.6', '10:0.6', '20:1', '10:1')
+RUNS = (
+    '0', '0::fitted', '20', '20::fitted', '10', '10::fitted', '5', '20:0.6', '10:0.6', '20:1',
+    '10:1',
+)
+
+#: Material that is fitted to the flows of Etna on cells.
+CELLS = 'etna_basalt_cells'
 
 #: Limited slope of the temperature by the differences behind and ahead, in C++ with ``least`` and
 #: ``most``; None is that of the solver.
@@ -71,14 +76,12 @@ FINE = 5.0
 def run(job: tuple[str, str, float]) -> dict[str, Any]:
     """Make a run of a folder; the kernels of a process have one set of constants."""
     folder, name, day = job
-    spacing, edge, crust, limiter, steps = (*name.split(':'), '', '', '', '')[:5]
+    spacing, edge, fitted, limiter, steps = (*name.split(':'), '', '', '', '')[:5]
     cell, fraction = float(spacing), float(edge or EDGE)
     vars(heated_step)['EDGE'] = fraction
     vars(flow)['HEATED_DISPLACEMENT'] *= float(steps or 1.0)
     limit_slopes(LIMITERS[limiter or 'third'])
-    case = load_case(folder)
-    if crust:
-        case = case.with_lava(CRUST)
+    case = load_case(folder, material=CELLS if fitted else None)
     is_whole = cell != FINE and fraction == EDGE and not limiter
     if not is_whole:
         case = replace(case, end=case.start + 86400.0 * day)
@@ -90,8 +93,8 @@ def run(job: tuple[str, str, float]) -> dict[str, Any]:
     assert snapshot.half_inundated is not None
     area = case.scene.terrain.resolution**2
     row = {
-        'case': case.name, 'crust': crust, 'method': settings.method, 'cell_m': spacing,
-        'edge': f'{fraction:g}' if cell else '', 'day': f'{day:g}',
+        'case': case.name, 'material': case.material.name, 'method': settings.method,
+        'cell_m': spacing, 'edge': f'{fraction:g}' if cell else '', 'day': f'{day:g}',
         'area_m2': int(area * np.sum(snapshot.half_inundated <= 86400.0 * day)),
         'end_area_m2': '', 'jaccard': '', 'area_ratio': '', 'length_ratio': '',
         'machine': machine_name('cpu'),

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from table_text import Line, lines_of
 
+from lava_ros.scene.materials import DEFAULT
+
 
 def scores() -> Iterator[Line]:
     """Yield the scores of sets of constants on the mapped flows."""
@@ -36,7 +38,7 @@ def etna_cells() -> Iterator[Line]:
         yield (
             row['case'].removeprefix('etna'),
             (f'cells of {row["cell_m"]} m' if is_cells else 'particles, `draft`')
-            + (', other crust' if row['crust'] else ''),
+            + (f', `{row["material"]}`' if row['material'] != DEFAULT else ''),
             f'{row["edge"]} of its neighbour' if is_cells else '',
             f'{float(row["area_m2"]) / 1e6:.3f} km²', area and f'x {area}',
             length and f'x {length}', jaccard,
