@@ -142,6 +142,9 @@ class Recorder:
     def stop(self) -> None:
         """Finish the bag if one is open."""
         writer, self._writer = self._writer, None
+        if self.is_armed:
+            # there is no such bag
+            self.directory = ''
         self.state = 'off'
         try:
             if writer is not None:

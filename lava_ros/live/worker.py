@@ -278,7 +278,8 @@ class SimulationWorker:
         if self.session.simulation is None or not self.pace.is_paused:
             problem = f'The simulation is {self._status.state.value}'
             raise RefusalError('step', problem, 'Pause it first')
-        self.pace.step_target = self.session.time + duration
+        begin = self.session.time if self.pace.step_target is None else self.pace.step_target
+        self.pace.step_target = begin + duration
 
     @command('snapshot')
     def request_snapshot(self) -> None:

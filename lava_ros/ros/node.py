@@ -73,6 +73,8 @@ class LavaNode(LifecycleNode):
         self.runtime: NodeRuntime | None = None
         self._values: dict[str, Any] = {}
         self._constants: Mapping[str, Any] | None = None
+        # values of the user that a scene or a checkpoint has replaced, and the new ones, by name
+        self._replaced: dict[str, tuple[Any, Any]] = {}
         self._graph: NodeGraph | None = None
         self._ending: NodeRuntime | None = None
         self.refusal = ''
@@ -117,6 +119,7 @@ class LavaNode(LifecycleNode):
         if runtime is not None:
             self._ending = runtime
             runtime.close()
+        self._restore_parameters()
         if self._ending is not None and self._ending.worker.stop(0.0):
             self._ending = None
         return self._ending is None
@@ -195,26 +198,32 @@ class LavaNode(LifecycleNode):
         response.success = False
         return response
 
+    def _restore_parameters(self) -> None:
+        """Restore the values that a scene or a checkpoint has replaced, except those set since."""
+        replaced, self._replaced = self._replaced, {}
+        given = {
+            name: before for name, (before, own) in replaced.items() if self._values[name] == own
+        }
+        node_parameters.put(self, given)
+
     def _declare_parameters(self, startup: StartupInputs) -> parameters.Settings:
         constants = constants_of(startup.scene)
         specs = parameters.PARAMETERS + parameters.constant_parameters(constants)
-        previous, self._constants = self._constants, constants
+        # constants that the user has not set are those of the previous scene
+        self._constants = self._constants or constants
+        old, new = map(parameters.constant_values, (self._constants, constants))
         self._values = node_parameters.declare(self, specs)
         for text in node_parameters.without_effect(self, self._typed):
             self.get_logger().warning(text)
-        changed = {}
         if startup.checkpoint is not None:
-            defaults = {spec.name: spec.default for spec in specs}
+            defaults = {spec.name: spec.default for spec in specs} | old
             changed = overrides_from_checkpoint(
                 startup.checkpoint, self._values, defaults,
                 frame_id=startup.frame_id, is_restart=startup.is_restart,
             )
-        elif previous is not None:
-            # the scene file may have changed: update the parameters that the user has not set
-            old = parameters.constant_values(previous)
+        else:
             changed = {
-                name: value
-                for name, value in parameters.constant_values(constants).items()
+                name: value for name, value in new.items()
                 if self._values[name] == old[name] != value
             }
         level = startup.scene and startup.scene.terrain.sea_level
@@ -223,8 +232,13 @@ class LavaNode(LifecycleNode):
             changed['sea_level'] = level
         if startup.onset and not self._values['onset']:
             changed['onset'] = startup.onset
+        given = self._values
         node_parameters.put(self, changed)
-        self._values |= changed
+        self._constants = constants
+        self._replaced = {
+            name: (given[name], value) for name, value in changed.items() if name not in new
+        }
+        self._values = given | changed
         return parameters.settings_from(self._values)
 
     def _check_parameters(self, changed: list[Parameter]) -> SetParametersResult:

@@ -56,17 +56,18 @@ class SceneRecording:
         self._origin: Origin | None = None
         self._messages = outputs.SceneMessages(self.transform)
         self._written_ns = self._written_size = 0
-        self._starts, self._at_start = -1, dict[str, Any]()
+        self.note_start()
         self._effects: dict[str, str] = {}
         self._history: list[dict[str, Any]] = []
+
+    def note_start(self) -> None:
+        """Store the parameters of a simulation that has just been made, in any thread."""
+        values = self.parameters()
+        self._at_start = {name: values[name] for name in _OF_START if name in values}
 
     def write(self, view: SessionView, snapshot: Snapshot, stamp_ns: int) -> None:
         """Record what has changed since the last call; ``stamp_ns`` is the ROS time [ns]."""
         scene, recorder = view.scene, self.graph.recorder
-        if view.starts != self._starts:
-            values = self.parameters()
-            self._at_start = {name: values[name] for name in _OF_START if name in values}
-            self._starts = view.starts
         is_new = recorder.is_armed
         if scene is None or not (is_new or recorder.is_recording):
             return

@@ -253,10 +253,10 @@ class NodeRuntime:
         Raises:
             LavaError: If the bag could not be written.
         """
-        self._bags.is_wanted = False
+        self._bags.is_wanted, is_recording = False, self._recorder.is_recording
         self._close_bag()
         self._check_recorder()
-        return self._recorder.directory
+        return self._recorder.directory if is_recording else ''
 
     def _check_recorder(self) -> None:
         if self._recorder.error:
@@ -283,9 +283,11 @@ class NodeRuntime:
         if not now_ns(self._node):
             problem = 'There is no time on /clock yet'
             raise RefusalError('save', problem, 'Start the clock, or set use_sim_time to false')
-        is_own, before = not self._recorder.is_recording, self._recorder.size
-        if is_own:
-            self._bags.arm()
+        is_recording, before = self._recorder.is_recording, self._recorder.size
+        # a wanted recording that has failed continues in the new bag
+        is_own = not (is_recording or self._bags.is_wanted)
+        if not is_recording:
+            self._bags.arm(is_next=not is_own)
         self._publish(repeat=True)
         self._check_recorder()
         # the user asked for a checkpoint, so write one even if checkpoint_period is 0
@@ -321,6 +323,7 @@ class NodeRuntime:
     def _make_simulation(self, scene: Scene) -> 'Simulation':
         """Make a simulation, in the worker's thread, and log a method that it chooses."""
         simulation, choice = make_simulation(scene, self.settings)
+        self._recording.note_start()
         self._method_reason = choice.reason
         if choice.reason:
             self._node.get_logger().info(choice.text())

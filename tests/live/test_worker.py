@@ -54,6 +54,17 @@ def test_pause_holds_time_and_a_step_is_exact(bench):
 
 
 @pytest.mark.parametrize('bench', [{'speed': 20.0}], indirect=True)
+def test_steps_that_follow_each_other_add_up(bench):
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.run(bench.worker.pause(True))
+    begin = bench.simulation.time
+    for _ in range(3):
+        bench.run(bench.worker.step(8.0))
+    bench.wait(lambda: bench.worker.pace.step_target is None)
+    assert bench.simulation.time - begin == pytest.approx(24.0)
+
+
+@pytest.mark.parametrize('bench', [{'speed': 20.0}], indirect=True)
 def test_pause_ends_a_step(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.go_on()

@@ -16,7 +16,7 @@ from lava_ros.ros import node as node_module
 from lava_ros.ros import runtime
 from lava_ros.ros.runtime import NodeRuntime
 from lava_ros.simulation import Simulation
-from ros.graph_publisher import Publisher
+from ros.graph_publisher import elevation, Publisher
 from ros_domain import own_domain
 from waiting import PATIENCE
 
@@ -187,7 +187,7 @@ def test_cleanup_finishes_the_bag_which_does_not_continue(start, tmp_path):
     assert node.set(bag_directory='other')['success']
     change(node, 'activate')
     # an ended recording does not restart
-    node.newest('height')
+    node.status_now('recorder', lambda item: item['state'] == 'recording')
     assert node.call('record', False) == {'success': True, 'message': 'recorded other'}
     change(node, 'deactivate', 'activate')
     node.jump(node.now + 1.0)
@@ -328,3 +328,45 @@ def test_constants_of_parameters_replace_those_of_the_scene_file(local, tmp_path
         found = view.scene.lava.viscosity, view.scene.ambient_temperature, view.scene.gravity
         assert (view.starts, *found) == (starts, 2e6, 250.0, 3.7)
         assert node.call('reset')['success']
+
+
+SCENE = """
+terrain: {file: slope.npz%s}
+vents: [{position: [60.0, 155.0], effusion_rate: 20.0, temperature: 1360.0}]
+lava: {viscosity: %s}
+"""
+
+
+@pytest.mark.parametrize(('before', 'after'), [
+    ('scene', 'scene'), ('resume', 'scene'), ('scene', 'resume'),
+])
+def test_configuration_has_no_values_of_an_earlier_scene_or_bag(local, tmp_path, before, after):
+    np.savez(tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0)
+    sea = SCENE % (', sea_level: 470', '2.0e4') + 'onset: 2026-11-27T05:30:00Z\n'
+    inputs = {}
+    for name, text in (('sea', sea), ('plain', SCENE % ('', '1.0e4'))):
+        (tmp_path / f'{name}.yaml').write_text(text, encoding='utf-8')
+        inputs[name] = {'scene': f'{name}.yaml', 'resume': name}
+        if 'resume' in (before, after):
+            node = local(
+                scene=f'{name}.yaml', record=True, bag_directory=name, effects_off=['cooling'],
+                horizon=2.0,
+            )
+            change(node, 'configure', 'activate')
+            node.newest('height')
+            change(node, 'deactivate', 'cleanup')
+
+    def values(node):
+        change(node, 'configure')
+        return dict(node.node._values)
+
+    own = {after: inputs['plain'][after]}
+    expected = values(local(time_scale=3.0, **own))
+    node = local(**{before: inputs['sea'][before]})
+    first = values(node)
+    assert (first['sea_level'], first['onset'][:4]) == (470.0, '2026')
+    # a value of the user remains
+    assert node.set(time_scale=3.0)['success']
+    change(node, 'cleanup')
+    assert node.set(**{before: '', **own})['success']
+    assert values(node) == expected

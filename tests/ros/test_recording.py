@@ -41,7 +41,7 @@ class FrameRecording:
         )
         graph = NodeGraph(node, 'map')
         self.recorder = graph.recorder
-        self.parameters, self.starts = dict[str, object](), 1
+        self.parameters = dict[str, object]()
         self.recording = SceneRecording(graph, configs={}, parameters=lambda: self.parameters)
 
     def write(self, time, effects):
@@ -49,7 +49,6 @@ class FrameRecording:
         snapshot = snapshot_at(time, np.zeros(terrain.shape, np.float32), terrain)
         session = SimpleNamespace(
             scene=self.scene, effects=effects, schedule=self.schedule, origin=None, device='cpu',
-            starts=self.starts,
         )
         self.recording.write(session, snapshot, int(time * 1e9))
         self.recorder.flush()
@@ -76,13 +75,15 @@ def frames(tmp_path):
 def test_description_has_parameters_of_its_run_until_the_next_start(name, value, tmp_path):
     frames = FrameRecording(tmp_path)
     frames.parameters = {name: 'before', 'time_scale': 1.0}
+    frames.recording.note_start()
     frames.recorder.arm(tmp_path / 'one')
     frames.write(1.0, STEEP)
     frames.parameters = {name: value, 'time_scale': 2.0}
     frames.write(2.0, FAST)
-    for bag, starts in (('two', 1), ('three', 2)):
+    for bag in ('two', 'three'):
         frames.recorder.stop()
-        frames.starts = starts
+        if bag == 'three':
+            frames.recording.note_start()
         frames.recorder.arm(tmp_path / bag)
         frames.write(3.0, STEEP)
     assert frames.description('one') == {name: 'before', 'time_scale': 2.0}
@@ -265,3 +266,53 @@ def test_bag_begins_at_the_first_time_of_the_clock(local):
     node.jump(1e9)
     node.newest('height', condition=lambda newest: newest['height']['stamp_ns'] == 10**18)
     assert BagReader('bag').start_ns == 10**18
+
+
+def test_description_has_the_parameters_of_a_start_before_the_activation(local):
+    node = local(record=True, bag_directory='bag', spacing=8.0)
+    assert node.change('configure'), node.log
+    node.publish('vents', 'terrain_info', 'terrain')
+    node.wait_until(lambda: node.worker.view.starts)
+    assert node.set(spacing=2.5, lava__viscosity=7e4)['success']
+    assert node.change('activate'), node.log
+    node.newest('height')
+    assert node.worker.view.accuracy.spacing == 8.0
+    assert node.change('deactivate') and node.change('cleanup')
+    parameters = yaml.safe_load(BagReader('bag').custom_data['parameters'])
+    assert (parameters['spacing'], parameters['lava.viscosity']) == (8.0, 5e5)
+
+
+def test_save_continues_a_recording_that_has_failed(local, monkeypatch):
+    node = start_flow(local, record=True, bag_directory='bag')
+
+    def fail(*_args, **_options):
+        raise OSError(28, 'No space left on device')
+
+    with monkeypatch.context() as patch:
+        patch.setattr(BagWriter, 'flush', fail)
+        node.status_now('recorder', lambda item: item['message'].endswith('; trying again'))
+        answer = node.call('save')
+        assert not answer['success'] and 'No space left' in answer['message']
+        node.status_now('recorder', lambda item: item['message'].endswith('; trying again'))
+    assert node.call('save') == {'success': True, 'message': 'saved in bag_3'}
+    status = node.status_now('recorder')
+    assert (status['level'], status['state'], status['bag']) == (0, 'recording', 'bag_3')
+    node.run(3.0)
+    node.status_now('simulation')
+    assert node.call('record', False) == {'success': True, 'message': 'recorded bag_3'}
+    assert len(times_of('bag_3')) > 1
+
+
+def test_end_of_a_recording_names_a_bag_only_if_it_exists(local):
+    node = local(bag_directory='bag')
+    assert node.change('configure') and node.change('activate'), node.log
+    nothing = {'success': True, 'message': 'recorded nothing'}
+    assert node.call('record', False) == nothing
+    assert node.call('record', True)['message'] == 'recording to bag at the first map'
+    assert node.call('record', False) == nothing
+    assert node.status_now('recorder')['bag'] == '' and not Path('bag').exists()
+    assert node.call('record', True)['success']
+    node.publish('terrain_info', 'terrain')
+    node.status_now('recorder', lambda item: item['state'] == 'recording')
+    assert node.call('record', False)['message'] == 'recorded bag'
+    assert node.call('record', False) == nothing
