@@ -23,7 +23,8 @@ from lava_ros.scene import Scene
 class SceneFeed(Node):
     """Publishes terrain and vents, latched, when they change.
 
-    Effusion rates and terrain events follow the simulated time on ``/diagnostics``. Inputs that
+    Effusion rates and terrain events follow the simulated time on ``/diagnostics``, also where it
+    goes back: at a reset, and at the restart of a killed node. Inputs that
     the node refuses are logged here too, for a user of the feed who does not see the node's log.
     The constants of the lava are parameters of the node and are not published.
     """
@@ -41,7 +42,7 @@ class SceneFeed(Node):
         ``has_vents`` adds the vents, ``publish_tf`` the static transform to ``frame_id``.
         """
         super().__init__('lava_feed')
-        self._scene = scene
+        self._given = self._scene = scene
         self._frame_id = frame_id
         self._time = 0.0
         self._sent: list[tuple[float, ...]] | None = None
@@ -92,6 +93,11 @@ class SceneFeed(Node):
             self._terrain[topic].publish(message)
 
     def _follow_events(self) -> None:
+        passed = self._given.events[: len(self._given.events) - len(self._scene.events)]
+        if passed and self._time < passed[-1].time:
+            self._scene = self._given
+            self.get_logger().info(f'simulated time is {self._time:.0f} s again: first terrain')
+            self._publish_terrain()
         while self._scene.events and self._scene.events[0].time <= self._time:
             event, *later = self._scene.events
             ground = event.ground(self._scene.terrain)

@@ -322,7 +322,8 @@ class Settings:
     sea_level: float | None = _parameter(
         NO_SEA,
         'Elevation at or below which the ground is sea [m]; lava that enters the sea leaves the '
-        'map. It applies to the terrain of the scene file, of terrain_file and of topics; '
+        'map. It applies to the terrain of the scene file, of terrain_file and of topics, and if '
+        'it is set while the node runs to the next terrain from a topic; '
         f'{NO_SEA:g}: that of the scene file, otherwise no sea',
         (NO_SEA, -NO_SEA), read=lambda level: level if level > NO_SEA else None,
     )
@@ -380,6 +381,12 @@ class Settings:
         """Easting and northing of the map frame's origin [m] in the system of ``epsg``."""
         return self.offset_easting, self.offset_northing
 
+
+#: Parameters with which a terrain from a topic is read.
+OF_TERRAIN = (
+    'terrain_scale', 'terrain_offset', 'terrain_allow_holes', 'terrain_cloud_resolution', 'epsg',
+    'offset_easting', 'offset_northing', 'sea_level',
+)
 
 #: The parameters that ``Settings`` declares.
 PARAMETERS = tuple(

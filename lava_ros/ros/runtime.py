@@ -28,7 +28,7 @@ from lava_ros.ros.forecast_topics import ForecastTopics, load_places, PlaceTopic
 from lava_ros.ros.georeference import recorded_transform
 from lava_ros.ros.input_log import Allowance
 from lava_ros.ros.node_graph import NodeGraph
-from lava_ros.ros.parameters import CHECKPOINT_PERIOD, Settings, start_values
+from lava_ros.ros.parameters import CHECKPOINT_PERIOD, OF_TERRAIN, Settings, start_values
 from lava_ros.ros.publishers import (
     LayerPublishers,
     ParticlePublisher,
@@ -226,10 +226,15 @@ class NodeRuntime:
         if new.constants != old.constants:
             command('lava', self.worker.set_constants(new.constants))
         before, after = start_values(old), start_values(new)
-        if later := [name for name in after if after[name] != before[name]]:
-            self._node.get_logger().info(
-                f'{", ".join(later)}: the new value is used from the next start or reset'
-            )
+        later = [name for name in after if after[name] != before[name]]
+        ground = [name for name in OF_TERRAIN if getattr(new, name) != getattr(old, name)]
+        for names, text in (
+            (later, 'from the next start or reset'),
+            (ground, 'for the next terrain from a topic'),
+        ):
+            if names:
+                text = f'{", ".join(names)}: the new value is used {text}'
+                self._node.get_logger().info(text)
 
     def pause(self, paused: bool) -> 'Future[None]':
         """Hold simulated time, or let it continue as soon as the node is active."""

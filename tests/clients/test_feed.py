@@ -86,9 +86,12 @@ VENTS = (
     Vent((3.0, 4.0), 5.0, 1423.0, end=(8.0, 4.0), name='fissure'),
 )
 
-#: Diagnostics of a simulation that has passed a time of the series.
-LATE = DiagnosticStatus(
-    name='lava: simulation', values=[KeyValue(key='simulated_time_s', value='3700.0')]
+#: Diagnostics of a simulation before and after a time of the series.
+EARLY, LATE = (
+    DiagnosticStatus(
+        name='lava: simulation', values=[KeyValue(key='simulated_time_s', value=time)]
+    )
+    for time in ('5.0', '3700.0')
 )
 
 
@@ -167,6 +170,16 @@ def test_terrain_events_follow_simulated_time(make_feed):
     assert len(feed.sent['terrain']) == 2
     np.testing.assert_array_equal(feed.terrain(1).elevation, new.elevation)
     assert not feed.sent['vents']
+
+
+def test_terrain_events_follow_a_reset(make_feed):
+    new = replace(TERRAIN, elevation=TERRAIN.elevation + 3.0)
+    feed = make_feed(TerrainEvent(3600.0, 'new ground', new), has_vents=False)
+    for status, ground in ((LATE, new), (EARLY, TERRAIN), (EARLY, TERRAIN), (LATE, new)):
+        feed.receive(status)
+        feed.run()
+        np.testing.assert_array_equal(feed.terrain(-1).elevation, ground.elevation)
+    assert len(feed.sent['terrain']) == 4
 
 
 def test_feed_reports_each_rejection_of_the_node_once(make_feed, capfd):

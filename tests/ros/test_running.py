@@ -288,6 +288,8 @@ def test_terrain_parameters_apply_to_the_next_terrain(paused):
     assert 'cells without data' in paused.status_now('inputs')['last_error']
     values = {'terrain_allow_holes': True, 'terrain_cloud_resolution': 20.0}
     assert paused.set(**values)['success']
+    text = f'{", ".join(values)}: the new value is used for the next terrain from a topic'
+    assert text in paused.log
     paused.publish('terrain_info', 'nan_hole')
     paused.wait_for_topic('height', lambda grid: grid['min'] == -1)
     paused.publish('terrain_cloud')
