@@ -230,8 +230,8 @@ class LavaNode(LifecycleNode):
         if level is not None and self._values['sea_level'] == parameters.NO_SEA:
             # terrain from topics has the sea of the scene
             changed['sea_level'] = level
-        if startup.onset and not self._values['onset']:
-            changed['onset'] = startup.onset
+        if onset := self._values['onset'] or startup.onset:
+            changed['onset'] = parameters.onset_value(onset)
         given = self._values
         node_parameters.put(self, changed)
         self._constants = constants

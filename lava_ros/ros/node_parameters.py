@@ -11,7 +11,11 @@ from itertools import pairwise
 import re
 from typing import Any
 
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    ParameterNotDeclaredException,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -68,11 +72,14 @@ def with_types(node: Node, given: Iterable[Parameter]) -> list[Parameter]:
     ``ros2 param load`` sends 7e-07 from its own dump as a string, because a YAML number has a
     point, and null as the string None; ``ros2 param set`` sends 60 as a whole number. An empty
     list of strings becomes a list with one empty string, which has a type.
+
+    Raises:
+        ParameterNotDeclaredException: If the node does not have one; that of rclpy has no names.
     """
     result = list(given)
+    if unknown := [item.name for item in result if not node.has_parameter(item.name)]:
+        raise ParameterNotDeclaredException(unknown)
     for index, item in enumerate(result):
-        if not node.has_parameter(item.name):
-            continue
         is_list = node.describe_parameter(item.name).dynamic_typing
         is_number = type(item.value) in (str, int)
         if is_list and _is_empty(item.value):

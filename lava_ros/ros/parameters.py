@@ -421,6 +421,21 @@ def start_values(settings: Settings) -> dict[str, Any]:
     return given | constant_values(settings.constants)
 
 
+def onset_value(text: str) -> str:
+    """Return a date and time as a value of ``onset`` that YAML reads as a text.
+
+    ``ros2 param set`` and ``ros2 param load`` fail at a text that YAML reads as a date, which is
+    one with seconds, unless the offset from UTC has seconds, too.
+
+    Raises:
+        LavaError: If the text is not a date and time with its offset from UTC.
+    """
+    start = Onset.from_text(text, field='onset').start
+    if start.second or start.microsecond:
+        return f'{start.isoformat()}:00'
+    return start.isoformat(timespec='minutes').replace('+00:00', 'Z')
+
+
 def settings_from(values: Mapping[str, Any]) -> Settings:
     """Make the settings of parameter values by name.
 

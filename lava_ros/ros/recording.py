@@ -18,14 +18,12 @@ from lava_ros.ros.georeference import StaticTransform
 from lava_ros.ros.node_graph import NodeGraph
 from lava_ros.ros.parameters import Settings, start_values
 from lava_ros.scene import Scene, scene_to_dict, Terrain
+from lava_ros.scene.onset import Onset
 from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Log time after which terrain and vents are written again [ns], because a player that starts in
 #: the middle of a bag skips earlier latched messages.
 REPEAT_PERIOD_NS = 60 * 10**9
-
-#: Parameters that the description also contains by their names, unless they are empty.
-_NAMED = ('onset', 'restart_token')
 
 #: Parameters that take effect at a start: a description has the values at the start of its run.
 _OF_START = frozenset(start_values(Settings()))
@@ -114,6 +112,7 @@ class SceneRecording:
         resumed = {'resumed_from': json.dumps(self._origin._asdict())} if self._origin else {}
         whole = scene_to_dict(replace(scene, vents=view.schedule))
         parameters, node = {**self.parameters(), **self._at_start}, self.graph.node
+        onset, token = map(parameters.get, ('onset', 'restart_token'))
         recorded = RecordedNode(
             node.get_fully_qualified_name(), node.get_namespace(), self.graph.topics
         )
@@ -123,7 +122,8 @@ class SceneRecording:
             'effects': json.dumps(self._history),
             **resumed,
             **self.configs,
-            **{name: parameters[name] for name in _NAMED if parameters.get(name)},
+            **({'restart_token': token} if token else {}),
+            **({'onset': Onset.from_text(onset).text} if onset else {}),
             **recorded.description,
             'version': lava_ros.__version__,
             'device': view.device,

@@ -90,6 +90,8 @@ def test_unconfigured_node_has_no_topics_and_settable_parameters(start):
     change(node, 'cleanup')
     assert node.set(frame_id='map')['success']
     assert not node.set(autostart=True)['success']
+    answer = node.set(horizon=3.0, discharge=5.0)
+    assert not answer['success'] and "['discharge']" in answer['message']
     change(node, 'configure', 'cleanup', 'shutdown')
     refuse(node, 'configure', 'no transition of id 1 from', 'finalized')
 

@@ -9,12 +9,14 @@ from functools import partial
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
+import yaml
 
 from lava_ros.errors import LavaError
 from lava_ros.ros import node_parameters, parameters
 from lava_ros.ros.executor import start_ros
 from lava_ros.ros.startup_inputs import make_simulation
 from lava_ros.scene import constants_of, Lava
+from lava_ros.scene.onset import Onset
 from ros_domain import own_domain
 from slope_scenes import uncertain_scene
 
@@ -163,3 +165,15 @@ def test_rejects_wrong_values(changes, sentence):
     with pytest.raises(LavaError) as caught:
         parameters.settings_from(_values(**changes))
     assert str(caught.value).startswith(sentence)
+
+
+@pytest.mark.parametrize('text', [
+    '2026-11-27T05:30:00Z', '2026-11-27T05:30Z', '2026-11-27T05:30:07Z',
+    '2026-11-27T05:30:07.5+01:00', '2026-11-27T05:30:00-09:30',
+])
+def test_onset_is_a_text_to_the_tools_of_ros(text):
+    """``ros2 param load`` fails for all parameters if YAML reads one as a date."""
+    value = parameters.onset_value(text)
+    assert yaml.safe_load(value) == value
+    first, second = (Onset.from_text(item).start for item in (text, value))
+    assert (first, first.utcoffset()) == (second, second.utcoffset())

@@ -88,7 +88,8 @@ def test_arrivals_are_those_of_the_maps(local, folder):
     # terrain from topics would have the sea of the scene file
     parameters = yaml.safe_load(bag.custom_data['parameters'])
     assert parameters['sea_level'] == -50.0
-    # the date of the scene file, without the parameter onset
+    # the date of the scene file, without a value of the user for the parameter onset
+    assert parameters['onset'] == '2026-11-27T05:30Z'
     assert bag.custom_data['onset'] == '2026-11-27T05:30:00Z'
     arrived = dict(read(bag, '/arrived', lambda image: image_array(image, 'arrived').copy()))
     found = read(bag, '/place_arrivals', statuses_of)
