@@ -52,17 +52,21 @@ ARGUMENTS = (
 
 
 def _topics(context):
-    """Return the topics of the layers that msg_config publishes, by layer."""
+    """Return the topics of the layers that the node publishes, by layer."""
     name = LaunchConfiguration('msg_config').perform(context)
     # same search order as in the node
     shared = Path(_share('msg_configs', name).perform(context))
     path = Path(name) if Path(name).is_file() else shared
+    on, off = (
+        yaml.safe_load(LaunchConfiguration(field).perform(context)) or ()
+        for field in ('layers_on', 'layers_off')
+    )
     try:
         layers = yaml.safe_load(path.read_text(encoding='utf-8'))['layers']
         return {
             name: layer.get('topic', name)
             for name, layer in layers.items()
-            if layer.get('enabled', True)
+            if name in on or (layer.get('enabled', True) and name not in off)
         }
     except (OSError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
         expected = 'a file of layers, or the name of one in msg_configs/'

@@ -19,7 +19,12 @@ from lava_ros.live.commands import Command, command, CommandQueue, finish
 from lava_ros.live.failures import failure_text, SimulationError
 from lava_ros.live.pace import Pace
 from lava_ros.live.session import Fork, Origin, SessionView, SimulationSession
-from lava_ros.live.worker_status import MAX_TASK_DURATION, WorkerState, WorkerStatus
+from lava_ros.live.worker_status import (
+    MAX_TASK_DURATION,
+    step_refusal,
+    WorkerState,
+    WorkerStatus,
+)
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.scene.materials import DEFAULT
 from lava_ros.scene.uncertainty import Uncertainty
@@ -276,8 +281,7 @@ class SimulationWorker:
     def step(self, duration: float) -> None:
         """Advance a paused simulation by a duration [s]."""
         if self.session.simulation is None or not self.pace.is_paused:
-            problem = f'The simulation is {self._status.state.value}'
-            raise RefusalError('step', problem, 'Pause it first')
+            raise step_refusal(self._status.state)
         begin = self.session.time if self.pace.step_target is None else self.pace.step_target
         self.pace.step_target = begin + duration
 

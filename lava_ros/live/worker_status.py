@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from enum import Enum
 import time
 
+from lava_ros.errors import RefusalError
+
 #: A step or command at or above this wall time is reported as a delay [s]: ten slices.
 MAX_TASK_DURATION = 1.0
 
@@ -25,6 +27,20 @@ class WorkerState(Enum):
     FINISHED = 'finished'
     FAILED = 'failed'
     STOPPED = 'stopped'
+
+
+#: Remedies of a refused step, by the state of the simulation.
+_STEP_REMEDIES = {
+    WorkerState.WAITING: 'Publish a terrain first',
+    WorkerState.FINISHED: 'Raise end_time, or start again with ~/reset',
+    WorkerState.FAILED: 'Start again with ~/reset',
+}
+
+
+def step_refusal(state: WorkerState) -> RefusalError:
+    """Return the error about a step of a simulation that is not paused."""
+    remedy = _STEP_REMEDIES.get(state, 'Pause it first')
+    return RefusalError('step', f'The simulation is {state.value}', remedy)
 
 
 @dataclass(frozen=True)

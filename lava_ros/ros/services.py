@@ -18,7 +18,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.errors import LavaError, RefusalError
 from lava_ros.live.worker import STOPPED
-from lava_ros.live.worker_status import WorkerState
+from lava_ros.live.worker_status import step_refusal, WorkerState
 from lava_ros.ros.node_graph import NodeGraph
 from lava_ros.ros.runtime import NodeRuntime
 
@@ -59,7 +59,7 @@ def create_services(runtime: NodeRuntime, graph: NodeGraph) -> None:
         check_active('step')
         state, duration = worker.status.state, runtime.settings.time_scale
         if state is not WorkerState.PAUSED:
-            raise RefusalError('step', f'The simulation is {state.value}', 'Pause it first')
+            raise step_refusal(state)
         await commanded('step', worker.step(duration))
         return f'advancing {duration:g} s'
 

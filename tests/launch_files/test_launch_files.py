@@ -142,11 +142,20 @@ def test_keepout_starts_node_info_servers_and_manager(monkeypatch):
         assert f'/**/{process.name}' in FILTERS
 
 
-def test_only_masks_that_are_published_are_announced(monkeypatch):
-    processes, _ = start(monkeypatch, KEEPOUT, msg_config='nav2_keepout.yaml')
+@pytest.mark.parametrize(('arguments', 'words'), [
+    ({'msg_config': 'nav2_keepout.yaml'}, ['keepout', 'padded_keepout']),
+    ({'layers_off': '[padded_keepout_mask]'}, ['keepout', 'speed']),
+    ({'msg_config': '{}/some.yaml'}, ['keepout']),
+    ({'msg_config': '{}/some.yaml', 'layers_on': '[speed_mask]'}, ['keepout', 'speed']),
+])
+def test_only_masks_that_are_published_are_announced(monkeypatch, tmp_path, arguments, words):
+    some = {'keepout_mask': {}, 'speed_mask': {'enabled': False}}
+    (tmp_path / 'some.yaml').write_text(yaml.safe_dump({'layers': some}))
+    given = {name: value.format(tmp_path) for name, value in arguments.items()}
+    processes, _ = start(monkeypatch, KEEPOUT, **given)
     _, *servers, manager = processes
     names = [server.name for server in servers]
-    assert names == ['keepout_filter_info_server', 'padded_keepout_filter_info_server']
+    assert names == [f'{word}_filter_info_server' for word in words]
     assert manager.parameters['node_names'] == names
 
 

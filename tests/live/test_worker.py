@@ -34,7 +34,7 @@ def test_terrain_starts_the_simulation(bench):
 
 
 def test_pause_holds_time_and_a_step_is_exact(bench):
-    with pytest.raises(LavaError, match='is waiting for terrain'):
+    with pytest.raises(LavaError, match='is waiting for terrain. Publish a terrain first'):
         bench.run(bench.worker.step(1.0))
     bench.run(bench.worker.set_terrain(TERRAIN))
     with pytest.raises(LavaError, match='Pause it first'):
@@ -84,6 +84,8 @@ def test_simulation_stops_at_the_end_time(bench):
     bench.now += 0.9
     bench.wait_for_state(WorkerState.FINISHED)
     bench.wait(lambda: bench.worker.latest.time == 2.0)
+    with pytest.raises(LavaError, match='is finished. Raise end_time'):
+        bench.run(bench.worker.step(1.0))
     bench.run(bench.worker.set('end_time', 5.0))
     bench.wait_for_state(WorkerState.RUNNING)
     bench.now += 0.9
