@@ -338,6 +338,12 @@ class LiveFrames(Watcher, Frames):
             self._maps.clear()
             self._particles = NO_PARTICLES
             before = moment
+        elif moment.stamp_ns < before.stamp_ns:
+            # the clock went back: a map from before may have a stamp that it reaches again
+            self._waiting = {
+                stamp: maps for stamp, maps in self._waiting.items() if stamp <= moment.stamp_ns
+            }
+            before = moment
         for stamp in sorted(item for item in self._waiting if item <= moment.stamp_ns):
             maps = self._waiting.pop(stamp) | self._forecasts
             since, span = stamp - before.stamp_ns, moment.stamp_ns - before.stamp_ns

@@ -119,6 +119,17 @@ def test_maps_become_frames_of_their_time(live):
     assert live.times == []
 
 
+def test_maps_from_before_a_jump_of_the_clock_are_not_shown_later(live):
+    """A looping clock passes the stamp of a map that waited at the jump again."""
+    live.deliver_ground()
+    for second, simulated in ((5, 500.0), (1, 700.0), (2, 800.0), (7, 1300.0)):
+        live.deliver_maps(second, 'thickness')
+        live.deliver_status(second, simulated)
+        if second == 5:
+            live.deliver_maps(6, 'thickness')
+    assert live.times == [500.0, 700.0, 800.0, 1300.0]
+
+
 def test_receives_particles_only_while_they_are_shown(live, monkeypatch):
     live.deliver_ground()
     for second in (1, 2):
