@@ -44,7 +44,7 @@ class SceneFeed(Node):
         super().__init__('lava_feed')
         self._given = self._scene = scene
         self._frame_id = frame_id
-        self._time = 0.0
+        self._time = self._shown = 0.0
         self._sent: list[tuple[float, ...]] | None = None
         self._refusal = ''
         latched = qos.ros_profile(qos.LATCHED)
@@ -71,9 +71,20 @@ class SceneFeed(Node):
                 if refusal and refusal != self._refusal:
                     self.get_logger().error(f'{status.name}: {refusal}')
                 self._refusal = refusal
-            for item in status.values:
-                if item.key == 'simulated_time_s':
-                    self._time = float(item.value)
+            values = {item.key: item.value for item in status.values}
+            if 'simulated_time_s' in values:
+                keys = ('simulated_time_s', 'age_s', 'max_age_s')
+                self._note_time(*(float(values.get(key, 0.0)) for key in keys))
+
+    def _note_time(self, shown: float, age: float, max_age: float) -> None:
+        """Follow the simulated time of the maps, and that of the clock unless they are stale [s].
+
+        A change ends the current step at the time of the clock.
+        """
+        if shown < self._shown:
+            self._time = shown
+        self._shown, ahead = shown, age if age <= max_age else 0.0
+        self._time = max(self._time, shown + ahead)
 
     def _header(self) -> Header:
         return codec.header(self._frame_id, now_ns(self))

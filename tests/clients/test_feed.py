@@ -172,6 +172,30 @@ def test_terrain_events_follow_simulated_time(make_feed):
     assert not feed.sent['vents']
 
 
+@pytest.mark.parametrize(('shown', 'age', 'max_age', 'is_due'), [
+    # a step that begins before the event and ends after it
+    (3000.0, 590.0, 900.0, False), (3000.0, 610.0, 900.0, True),
+    # a simulation that has fallen behind its clock
+    (3000.0, 610.0, 30.0, False),
+])
+def test_changes_take_place_at_the_time_of_the_clock(make_feed, shown, age, max_age, is_due):
+    feed = make_feed(TerrainEvent(3600.0, 'new ground', TERRAIN))
+    feed.run()
+    values = {'simulated_time_s': shown, 'age_s': age, 'max_age_s': max_age}
+    status = DiagnosticStatus(
+        name='lava: simulation',
+        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+    )
+    feed.receive(status)
+    feed.run()
+    assert (len(feed.sent['terrain']), len(feed.sent['vents'])) == ((2, 2) if is_due else (1, 1))
+    # the next step has begun, and its maps are not published yet
+    status.values[1].value = '1.0'
+    feed.receive(status)
+    feed.run()
+    assert (len(feed.sent['terrain']), len(feed.sent['vents'])) == ((2, 2) if is_due else (1, 1))
+
+
 def test_terrain_events_follow_a_reset(make_feed):
     new = replace(TERRAIN, elevation=TERRAIN.elevation + 3.0)
     feed = make_feed(TerrainEvent(3600.0, 'new ground', new), has_vents=False)
