@@ -13,8 +13,8 @@ import math
 from typing import TYPE_CHECKING
 
 from lava_ros.cli.console import Progress, write_json
-from lava_ros.cli.options import argument, command, forced_effects, seconds_of
-from lava_ros.cli.scene_options import SCENE
+from lava_ros.cli.options import argument, command, forced_effects, HORIZON, seconds_of
+from lava_ros.cli.scene_options import is_case, refuse_for_case, SCENE, UNTIL
 from lava_ros.files.resources import share_path
 from lava_ros.layers.numbers import percent
 
@@ -32,7 +32,7 @@ COSTS = 'docs/benchmarks/effects_h200.csv'
 
 
 @command(
-    *SCENE, '--preset', '--until', '--on', '--off', '--device',
+    *SCENE, '--preset', UNTIL, '--on', '--off', '--device',
     argument(
         '--measure', None, 'simulate the scene up to --until, and print the numbers of the '
         'flow itself', action='store_true',
@@ -44,16 +44,25 @@ def effects(args: argparse.Namespace) -> int:
 
     A dimensionless number decides about each effect. The command prints the number that is
     expected of the flow, its threshold, the time that the effect takes, and the accuracy that
-    leaving it out costs. With --measure it also prints the largest number in a run.
+    leaving it out costs. With --measure it also prints the largest number in a run. The effects
+    of a mapped eruption are those of its run, to the end of the eruption.
     """
-    from lava_ros.cli.scenes import scene_from_arguments
+    from lava_ros.cli.scenes import scene_from_arguments, source_of, sourced_case
+    from lava_ros.hindcast.run import Settings
     from lava_ros.simulation.presets import preset_accuracy
     from lava_ros.simulation.resolution import resolution_of
     from lava_ros.simulation.selection import decide
 
-    horizon = seconds_of('--until', args.until)
-    scene, forced = scene_from_arguments(args), forced_effects(args)
-    accuracy = preset_accuracy(args.preset)
+    forced, accuracy = forced_effects(args), preset_accuracy(args.preset)
+    if is_case(args):
+        refuse_for_case(args, effects.arguments)
+        case = sourced_case(source_of(args))
+        settings = Settings(args.preset, forced=forced)
+        scene, horizon, forced = case.scene, case.duration, settings.effects
+        accuracy = settings.accuracy(case)
+    else:
+        horizon = seconds_of('--until', args.until or HORIZON)
+        scene = scene_from_arguments(args)
     if args.measure:
         decisions, resolution = _measured(scene, forced, accuracy, horizon, args.device)
     else:

@@ -35,7 +35,7 @@ from lava_ros.hindcast.run import Settings
 from lava_ros.layers.numbers import duration
 from lava_ros.runs.provenance import identity_of
 from lava_ros.runs.store import unused_folder
-from lava_ros.scene import Terrain
+from lava_ros.scene import Scene, Terrain
 from lava_ros.scene.on_terrain import read_raster_on
 from lava_ros.simulation.presets import preset_accuracy
 
@@ -85,11 +85,7 @@ def wanted_ensemble(options: RunOptions) -> Wanted:
     forced = options.forced
     if not options.is_case:
         found = sourced_scene(options.source, as_given=True)
-        scene = found.scene
-        if options.susceptibility is not None and scene.uncertainty.position is None:
-            # the map is the distribution of the place
-            fixed = scene.uncertainty.fixing(['position'])
-            scene = replace(scene, uncertainty=fixed)
+        scene = _placed_by_map(options, found.scene)
         options = with_method(options, median_scene(scene), options.until)
         plan = make_plan(
             scene,
@@ -104,6 +100,7 @@ def wanted_ensemble(options: RunOptions) -> Wanted:
         remarks = [*found.remarks, *log_late(plan.scene, plan.horizon)]
         return Wanted(plan, None, found.digests(), options.name, remarks)
     case = load_case(options.source)
+    case = replace(case, scene=_placed_by_map(options, case.scene))
     options = with_method(options, case.scene, case.duration)
     settings = Settings(
         options.preset, options.spacing, options.device, forced, method=options.method
@@ -111,6 +108,13 @@ def wanted_ensemble(options: RunOptions) -> Wanted:
     plan = plan_of(case, settings, threshold=options.threshold)
     remarks = [*case.remarks, *log_late(plan.scene, plan.horizon)]
     return Wanted(plan, case, case.inputs, case.name, remarks)
+
+
+def _placed_by_map(options: RunOptions, scene: Scene) -> Scene:
+    """Return the scene without a usual error of the position if a map is its distribution."""
+    if options.susceptibility is None or scene.uncertainty.position is not None:
+        return scene
+    return replace(scene, uncertainty=scene.uncertainty.fixing(['position']))
 
 
 def folder_of(

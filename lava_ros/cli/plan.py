@@ -11,8 +11,8 @@ from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.console import table_lines, with_units, write_json
-from lava_ros.cli.options import argument, command, forced_effects, seconds_of
-from lava_ros.cli.scene_options import SCENE
+from lava_ros.cli.options import argument, command, forced_effects, HORIZON, seconds_of
+from lava_ros.cli.scene_options import is_case, refuse_for_case, SCENE, UNTIL
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
         '--members', 'N', 'number of members of an ensemble, which run one after the other; auto '
         'takes the number with the smallest error', '1',
     ),
-    '--until', '--method', '--on', '--off', '--device', '--json',
+    UNTIL, '--method', '--on', '--off', '--device', '--json',
 )
 def plan(args: argparse.Namespace) -> int:
     """Find the accuracy that a run, or an ensemble, can have in a given time.
@@ -37,7 +37,8 @@ def plan(args: argparse.Namespace) -> int:
     effects of the uncertain quantities; the preset and the spacing of the finest run that fits;
     and the number of members that an ensemble can have, with the sampling error of a probability.
     With --error in place of --within, the command finds the coarsest run with that error, and the
-    time that it takes. lava run has the same options.
+    time that it takes. lava run has the same options. The plan of a mapped eruption is that of
+    its run: to the end of the eruption, with the same effects.
     """
     from lava_ros.cli.planned import planned, target_of
     from lava_ros.cli.scenes import (
@@ -45,15 +46,21 @@ def plan(args: argparse.Namespace) -> int:
         log_resolution,
         scene_from_arguments,
         settle_method,
+        source_of,
+        sourced_case,
     )
     from lava_ros.forecast.sampling import MAX_MEMBERS
+    from lava_ros.hindcast.run import Settings
     from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.presets import preset_accuracy
 
     if args.within is not None and args.error is not None:
         raise validation.conflict('--within', '--error')
     target, forced = target_of(args), forced_effects(args)
-    until = seconds_of('--until', args.until)
+    of_case = is_case(args)
+    if of_case:
+        refuse_for_case(args, plan.arguments)
+    until = seconds_of('--until', args.until or HORIZON)
     if not target:
         raise LavaError('--within', None, 'wall time to use: 30s, 10min; or --error: 10%')
     members = None
@@ -63,11 +70,17 @@ def plan(args: argparse.Namespace) -> int:
         if not args.members.isdecimal():
             raise LavaError('--members', args.members, 'a whole number at or above 1, or auto')
         members = validation.whole('--members', args.members, at_least=1, at_most=MAX_MEMBERS)
-    scene = scene_from_arguments(args)
+    if of_case:
+        case = sourced_case(source_of(args))
+        scene, until = case.scene, case.duration
+        forced = Settings(forced=forced).effects
+    else:
+        scene = scene_from_arguments(args)
     args.method, args.device = settle_method(args.method, args.device, scene, until, forced)
+    settings = Settings(method=args.method)
     found = planned(
         scene, target, until, forced, args.device, method=args.method, members=members,
-        with_inputs=True,
+        with_inputs=True, **({'adapted': settings.adapted} if of_case else {}),
         on_pilot=lambda pilot: print(
             f'pilot: spacing {pilot.spacing:.3g} m took {pilot.wall_time:.2g} s', flush=True
         ),

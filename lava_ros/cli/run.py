@@ -6,7 +6,6 @@
 import argparse
 from collections.abc import Iterable
 from functools import partial
-from pathlib import Path
 
 from lava_ros import validation
 from lava_ros.cli.options import (
@@ -15,14 +14,13 @@ from lava_ros.cli.options import (
     command,
     DEFAULT_PRESET,
     formats,
-    HORIZON,
     in_group,
     long_name,
     output_option,
     refuse_options,
     shared,
 )
-from lava_ros.cli.scene_options import SCENE
+from lava_ros.cli.scene_options import is_case, refuse_for_case, SCENE, UNTIL
 
 #: Options of ensembles.
 _ENSEMBLE = in_group(
@@ -91,13 +89,8 @@ _CASE = in_group(
     shared('--low-pass', 'that of the case'),
 )
 
-#: Options of one run of a scene, and those that the folder of a mapped eruption replaces.
+#: Options of one run of a scene, and those of its vents.
 _MAPS = ('--at',)
-_INPUTS = (
-    '--terrain', '--epsg', '--nodata', '--fill-holes', '--sea-level', '--until', '--start',
-    '--gaps', '--porosity', '--measured', '--emplaced-flow', '--emplaced-thickness',
-    '--emplaced-volume', '--emplaced-solidified', '--emplaced-as', '--terrain-at',
-)
 _VENTS = ('--vent', '--vents', '--effusion-rate')
 
 #: Default preset of an ensemble.
@@ -106,7 +99,7 @@ ENSEMBLE_PRESET = 'draft'
 
 @command(
     *SCENE,
-    shared('--until', f'{HORIZON}; a mapped eruption has its own end', default=None),
+    UNTIL,
     output_option(
         'DIR', 'folder of the results: new, empty, of an interrupted run of the same scene, or of '
         'the same ensemble (default: runs/<scene>, runs/<case>_<preset> or runs/<scene>_ensemble, '
@@ -151,20 +144,17 @@ def run(args: argparse.Namespace) -> int:
     # loads the reader of scenes, which other commands do not need
     from lava_ros.cli.run_options import run_options
 
-    is_case = args.scene is not None and Path(args.scene).is_dir()
+    of_case = is_case(args)
     is_ensemble = args.members is not None
     refuse = partial(refuse_options, args, run.arguments)
     if is_ensemble:
         refuse((*_MAPS, '--maps'), lambda name: validation.conflict(name, '--members'))
     else:
         refuse(_names(_ENSEMBLE), lambda name: validation.dependence(name, '--members'))
-    if is_case:
+    if of_case:
         unused = _VENTS if is_ensemble else ('--threshold', *_names(_BARRIERS))
-        refuse(
-            (*_INPUTS, *_MAPS, *unused),
-            lambda name: validation.surplus(name, f'to {args.scene}, a mapped eruption'),
-        )
-    if not is_case or is_ensemble:
+        refuse_for_case(args, run.arguments, (*_MAPS, *unused))
+    if not of_case or is_ensemble:
         other = 'the folder of a mapped eruption' + ' without --members' * is_ensemble
         refuse(_names(_CASE), lambda name: validation.dependence(name, other))
     for chosen, others in (
@@ -176,7 +166,7 @@ def run(args: argparse.Namespace) -> int:
     options = run_options(args, ENSEMBLE_PRESET if is_ensemble else DEFAULT_PRESET)
     if is_ensemble:
         from lava_ros.cli.run_ensemble import run_members as start
-    elif is_case:
+    elif of_case:
         from lava_ros.cli.run_case import run_case as start
     else:
         from lava_ros.cli.run_scene import run_scene as start

@@ -17,11 +17,10 @@ from lava_ros.cli.options import device_named
 from lava_ros.cli.planned import planned
 from lava_ros.cli.run_options import RunOptions, with_method
 from lava_ros.cli.run_request import simulated
-from lava_ros.cli.scenes import log_late
-from lava_ros.errors import LavaError
+from lava_ros.cli.scenes import log_late, sourced_case
 from lava_ros.files.optional import require
 from lava_ros.forecast.partner_runs import measure_run
-from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.page import draw_comparison, facts, write_maps, write_page
 from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
 from lava_ros.hindcast.run import coarseness, request_of, Result, Settings
@@ -91,12 +90,9 @@ def _requested(options: RunOptions) -> tuple[Case, Request]:
     """
     # checked before the first run, although only the replicates need it
     runs = validation.whole('--runs', options.runs, at_least=1, at_most=MAX_REPLICATES)
-    source, target = options.source, options.target
-    if isinstance(source.effusion_rate, str):
-        expected = 'one number [m3/s]: the effusion rates of a case are those of its table'
-        raise LavaError('--effusion-rate', source.effusion_rate, expected)
+    target = options.target
     require('rasterio', 'GeoTIFF')
-    case = load_case(source)
+    case = sourced_case(options.source)
     options = with_method(options, case.scene, case.duration)
     device = device_named(options.device, options.method)
     settings = Settings(

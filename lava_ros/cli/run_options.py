@@ -11,6 +11,7 @@ from pathlib import Path
 from lava_ros import validation
 from lava_ros.cli.options import forced_effects, HORIZON, seconds_of
 from lava_ros.cli.planned import target_of
+from lava_ros.cli.scene_options import is_case
 from lava_ros.cli.scenes import settle_method, source_of
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
@@ -106,7 +107,7 @@ def run_options(args: argparse.Namespace, preset: str) -> RunOptions:
     return RunOptions(**unchanged | {
         'source': source_of(args),
         'name': Path(args.scene or args.terrain or DEMO).resolve().stem,
-        'is_case': args.scene is not None and Path(args.scene).is_dir(),
+        'is_case': is_case(args),
         'until': until,
         'maps': validation.whole('--maps', args.maps, at_least=1, at_most=MAX_MAPS),
         'at': _times(args.at, until, args.until or HORIZON),

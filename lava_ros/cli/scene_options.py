@@ -3,7 +3,12 @@
 
 """Arguments that describe a scene; ``scenes.py`` makes the scene."""
 
-from lava_ros.cli.options import Argument, argument, shared
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from lava_ros import validation
+from lava_ros.cli.options import Argument, argument, HORIZON, refuse_options, shared
 from lava_ros.errors import Typed
 
 #: Default lava, as in ``lava_ros.scene.materials``, which is slow to import.
@@ -120,3 +125,37 @@ _PARTS: tuple[str | Argument, ...] = (
 
 #: The arguments that describe a scene.
 SCENE = (argument('scene', 'SCENE', _FILE, nargs='?'), *_PARTS)
+
+#: End of a run; None without one, because a case has its own.
+UNTIL = shared('--until', f'{HORIZON}; a mapped eruption has its own end', default=None)
+
+#: Options that the folder of a case replaces.
+_OF_CASE = (
+    '--terrain', '--epsg', '--nodata', '--fill-holes', '--sea-level', '--until', '--start',
+    '--gaps', '--porosity', '--measured', '--emplaced-flow', '--emplaced-thickness',
+    '--emplaced-volume', '--emplaced-solidified', '--emplaced-as', '--terrain-at',
+)
+
+
+def is_case(args: argparse.Namespace) -> bool:
+    """Return True if the scene is the folder of a case."""
+    return args.scene is not None and Path(args.scene).is_dir()
+
+
+def refuse_for_case(
+    args: argparse.Namespace, declared: Sequence[Argument], more: Sequence[str] = ()
+) -> None:
+    """Raise an error for an option that the folder of a case replaces, or one of ``more``.
+
+    Args:
+        args: The parsed arguments, whose scene is the folder of a case.
+        declared: The arguments of the command.
+        more: Further options that do not apply to a case.
+
+    Raises:
+        LavaError: If such an option is given.
+    """
+    reason = f'to {args.scene}, a mapped eruption'
+    refuse_options(
+        args, declared, (*_OF_CASE, *more), lambda name: validation.surplus(name, reason)
+    )

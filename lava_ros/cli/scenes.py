@@ -9,13 +9,13 @@ from contextlib import suppress
 from dataclasses import fields, replace
 import logging
 import math
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from lava_ros import validation
 from lava_ros.cli.options import seconds_of
-from lava_ros.errors import Typed
+from lava_ros.errors import LavaError, Typed
 from lava_ros.layers.numbers import duration
 from lava_ros.scene import KELVIN, Scene
 from lava_ros.scene.reshaping import finer
@@ -24,6 +24,9 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.method import settled_method
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
 from lava_ros.simulation.resolution import resolution_of
+
+if TYPE_CHECKING:
+    from lava_ros.hindcast.case import Case
 
 _LOG = logging.getLogger(__name__)
 
@@ -94,6 +97,21 @@ def sourced_scene(source: SceneSource, *, as_given: bool = False) -> SourcedScen
     most = math.isqrt(MAX_CELLS // scene.terrain.elevation.size)
     fine = scene.on(lambda terrain: finer(terrain, max(min(factor, most), 1)))
     return replace(found, scene=fine)
+
+
+def sourced_case(source: SceneSource) -> 'Case':
+    """Read the case of a source, which is a folder.
+
+    Raises:
+        LavaError: If a file is not valid, or the source has another table of effusion rates.
+    """
+    if isinstance(source.effusion_rate, str):
+        expected = 'one number [m3/s]: the effusion rates of a case are those of its table'
+        raise LavaError('--effusion-rate', source.effusion_rate, expected)
+    # loads the solver
+    from lava_ros.hindcast.case import load_case
+
+    return load_case(source)
 
 
 def scene_from_arguments(args: argparse.Namespace, *, as_given: bool = False) -> Scene:

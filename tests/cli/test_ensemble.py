@@ -363,6 +363,24 @@ def test_susceptibility_map_places_the_vents(scene, tmp_path):
     assert np.hypot(*(wet - [6.0, 3.0]).T).max() < 10.0
 
 
+@pytest.mark.parametrize('kind', ['scene', 'case'])
+def test_position_is_not_drawn_with_a_susceptibility_map(scene, tmp_path, kind):
+    target = scene
+    if kind == 'case':
+        target = write_case(tmp_path / 'valley', hours=0.2, yaml='epsg: 32633\n')
+        where = target / 'footprint.asc'
+    else:
+        where = raster(tmp_path / 'where.tif', np.ones((30, 24)))
+        described = yaml.safe_load(scene.read_text())
+        described['uncertainty'].pop('position', None)
+        scene.write_text(yaml.safe_dump(described))
+    words = ['run', target, '-o', tmp_path / 'out', '--members', '1', '--spacing', '40']
+    words += ['--until', '10min'] * (kind == 'scene')
+    done(*words, '--workers', '1', '--device', 'cpu', '--susceptibility', where)
+    quantities = json.loads((tmp_path / 'out/run.json').read_text())['quantities']
+    assert 'position' in quantities['exact'] and 'position' not in quantities['drawn']
+
+
 def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
     described = yaml.safe_load(scene.read_text())
     crust = ['crust_strength', 'crust_cover', 'crust_cover_decay', 'crust_temperature']

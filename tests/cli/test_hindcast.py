@@ -386,3 +386,30 @@ def test_a_case_in_degrees_runs_without_a_warning(tmp_path):
     assert 'EPSG:4326 taken to EPSG:32633' in ground
     assert '2 intervals of mean rates, 0 to 1800 s, 2.7e+04 m3 in all' in rates
     assert status == 0 and 'area' in out
+
+
+def test_effects_of_a_case_are_those_of_its_run(valley, tmp_path):
+    case, report = valley[1], tmp_path / 'effects.json'
+    done(*valley)
+    done('effects', case, '--preset', 'draft', '--json', report)
+    ran = json.loads((tmp_path / 'out/run.json').read_text())['decisions']
+    found = json.loads(report.read_text())
+    assert found['until_s'] == 1800.0
+    names = ('effect', 'forced', 'number', 'value', 'threshold')
+    expected, rows = ([{key: row[key] for key in names} for row in rows]
+                      for rows in (ran, found['effects']))
+    assert rows == expected
+    assert {row['effect'] for row in rows if row['forced']} >= {'helmholtz', 'inertia'}
+
+
+@pytest.mark.parametrize('command', ['plan', 'effects'])
+def test_plan_and_effects_of_a_case_have_its_end(tmp_path, command):
+    case = write_case(tmp_path / 'valley', hours=0.5, yaml=LAVA)
+    words = [command, case, '--device', 'cpu']
+    words += ['--error', '60%'] * (command == 'plan')
+    done(*words, '--json', tmp_path / 'found.json')
+    assert json.loads((tmp_path / 'found.json').read_text())['until_s'] == 1800.0
+    for option, value in (('--until', '2h'), ('--sea-level', '0'), ('--start', '2021-09-19')):
+        assert f'{option} does not apply to {case}' in refused(*words, option, value)
+    table = case / 'effusion_rate.csv'
+    assert '--effusion-rate is' in refused(*words, '--effusion-rate', table)
