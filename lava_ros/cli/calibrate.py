@@ -129,7 +129,8 @@ def calibrate(args: argparse.Namespace) -> int:
 
     def report(count: int, sample: ParameterSample) -> None:
         so_far.append(sample)
-        calibration.write_samples(table, parameters, [*so_far, *known[len(so_far) :]])
+        every = calibration.with_known(so_far, known)
+        calibration.write_samples(table, parameters, every)
         progress.show(f'set {count}: Jaccard {sample.jaccard:.3f}', count / runs)
 
     begun = calibration.evaluating(

@@ -398,6 +398,14 @@ def write_samples(
     write_output('output', path, format_table([*names, 'case', *COLUMNS], rows))
 
 
+def with_known(
+    samples: Sequence[ParameterSample], known: Sequence[ParameterSample]
+) -> list[ParameterSample]:
+    """Return samples, and the known ones of other values, which a later search may need."""
+    found = {_key(sample.values) for sample in samples}
+    return [*samples, *(item for item in known if _key(item.values) not in found)]
+
+
 def read_samples(
     path: Path, parameters: Sequence[FreeParameter], cases: Sequence[str]
 ) -> list[ParameterSample]:

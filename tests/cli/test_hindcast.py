@@ -277,6 +277,24 @@ def test_calibration_reports_near_best_sets(valley, tmp_path):
     assert (tmp_path / 'out/runs.csv').read_text() == table
 
 
+@pytest.mark.parametrize('other', [['--seed', '7'], ['--runs', '8'], ['--runs', '4']])
+def test_calibration_keeps_the_runs_of_another_search(valley, tmp_path, other):
+    words = ['calibrate', valley[1], '--device', 'cpu', '--spacing', '40', '-o', tmp_path / 'out']
+    words += ['--unknown', 'viscosity=1e3:1e5', '--unknown', 'crust_cover']
+
+    def rows() -> list[str]:
+        return (tmp_path / 'out/runs.csv').read_text().splitlines()[1:]
+
+    done(*words, '--runs', '6')
+    first = rows()
+    done(*words, '--runs', '6', *other)
+    both = rows()
+    assert {*first} <= {*both} and len({*both}) == len(both)
+    # neither search runs a set again
+    done(*words, '--runs', '6')
+    assert {*rows()} == {*both} and rows()[:6] == first
+
+
 @pytest.mark.parametrize(('words', 'moved', 'kept'), [
     ([], {'crust_cover'}, {'viscosity', 'vent_temperature', 'reference_temperature'}),
     (['--unknown', 'viscosity', '--unknown', 'vent_temperature'],
