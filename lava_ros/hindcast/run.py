@@ -12,6 +12,8 @@ from pathlib import Path
 import time as wall_clock
 from typing import Any
 
+import numpy as np
+
 from lava_ros import validation
 from lava_ros.effects import EFFECTS
 from lava_ros.hindcast.case import Case
@@ -195,7 +197,7 @@ def request_of(
         kind='case',
         data={'case': case.name},
         simulated=lambda accuracy: simulated_scene(case, coarseness(case, accuracy)),
-        shown=lambda snapshot: refined(snapshot, case.scene.ground_at(snapshot.time)),
+        shown=lambda snapshot: shown_on(case, snapshot),
         **others,
     )
 
@@ -273,7 +275,7 @@ class Run:
         self._latest = snapshot
 
     def _refined(self, snapshot: Snapshot) -> Snapshot:
-        return refined(snapshot, self.case.scene.ground_at(snapshot.time))
+        return shown_on(self.case, snapshot)
 
     @cached_property
     def _simulation(self) -> Simulation:
@@ -322,6 +324,19 @@ def simulate(case: Case, settings: Settings) -> Result:
     for _ in run.parts():
         pass
     return run.result()
+
+
+def shown_on(case: Case, snapshot: Snapshot) -> Snapshot:
+    """Return a snapshot on the cells of a case; lava has covered the outline at its start."""
+    shown = refined(snapshot, case.scene.ground_at(snapshot.time))
+    if case.initial is None:
+        return shown
+    covered = case.initial & shown.terrain.has_data
+    values = {'inundated': 1.0, 'arrived': 0.0, 'half_inundated': 0.0}
+    return replace(shown, **{
+        name: np.where(covered, np.float32(value), getattr(shown, name))
+        for name, value in values.items()
+    })
 
 
 def coarseness(case: Case, accuracy: Accuracy) -> int:

@@ -39,13 +39,13 @@ class Score:
     """A comparison of a simulated flow with a mapped one.
 
     Simulated cells are those of which lava has covered at least half (the footprint); mapped
-    cells are those with their centre in the outline. ``jaccard`` is cells in both over cells in
-    either and ``fit`` its square root, e1 in the literature; ``recall`` is the simulated fraction
-    of the mapped cells, ``precision`` the mapped fraction of the simulated cells. ``area`` is the
-    inundated area [m2], ``standing_area`` the area with lava at the end [m2]. Lengths are runout
-    lengths along the path from a vent [m]. Thicknesses are those at the end [m];
-    ``mapped_thickness`` is the emitted volume over the mapped area. Errors are relative, positive
-    if the simulated flow is too long or too large.
+    cells are those of which the outline covers at least half. ``jaccard`` is cells in both
+    over cells in either and ``fit`` its square root, e1 in the literature; ``recall`` is the
+    simulated fraction of the mapped cells, ``precision`` the mapped fraction of the simulated
+    cells. ``area`` is the inundated area [m2], ``standing_area`` the area with lava at the end
+    [m2]. Lengths are runout lengths along the path from a vent [m]. Thicknesses are those at
+    the end [m]; ``mapped_thickness`` is the emitted volume over the mapped area. Errors are
+    relative, positive if the simulated flow is too long or too large.
     """
 
     jaccard: float
@@ -125,8 +125,6 @@ def score_case(
         threshold: Minimum thickness of lava that counts [m].
     """
     terrain, footprint, thickness = case.scene.terrain, case.footprint, np.nan_to_num(thickness)
-    if case.initial is not None:
-        inundated = np.maximum(inundated, case.initial)
     standing, area = standing_cells(thickness, threshold), terrain.resolution**2
     inundated_area = area_of(inundated, terrain.resolution)
     standing_area = area_of(standing_part(standing, inundated), terrain.resolution)

@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rasterio
 
 from command_line import done
 from lava_ros.cli.ensemble_report import score_against_case
 from lava_ros.errors import LavaError
 from lava_ros.forecast.probability import Footprint, NEVER
 from lava_ros.hindcast.case import load_case
+from lava_ros.hindcast.page import FALSE_ALARM, HIT, MISS
 from lava_ros.hindcast.probabilistic_score import plan_of
 from lava_ros.hindcast.replicates import directions
 from lava_ros.hindcast.run import Settings, simulate
@@ -140,3 +142,23 @@ def test_ensemble_that_starts_from_an_outline_is_compared_with_its_persistence(f
     # the outline of 4000 s lacks 100 of the 420 cells of 6000 s
     assert date['brier_persistence'] == pytest.approx(100.0 / 420.0)
     assert date['brier_skill_persistence'] == 1.0
+
+
+@pytest.mark.parametrize('words', [[], ['--from-outline', '2000'],
+                                   ['--from-outline', '2000', '--solidified', '0.3']])
+def test_areas_and_cells_of_a_hindcast_agree_in_all_files(folder, tmp_path_factory, words):
+    out, maps = (tmp_path_factory.mktemp(name) for name in ('out', 'maps'))
+    more = ['--preset', 'draft', '--spacing', '20', '--device', 'cpu', '--maps', '1']
+    done('run', folder, *words, *more, '-o', out)
+    record = json.loads((out / 'run.json').read_text())
+    score = record['score']
+    for name in ('inundated_area_m2', 'standing_area_m2'):
+        assert record[name] == pytest.approx(score[name], rel=1e-9)
+    with rasterio.open(out / 'comparison.tif') as file:
+        codes = file.read(1)
+    counts = {name: (codes == code).sum()
+              for name, code in (('hits', HIT), ('misses', MISS), ('false_alarms', FALSE_ALARM))}
+    assert counts == {name: score[name] for name in counts}
+    done('export', out, '-o', maps, '--maps', 'inundated')
+    with rasterio.open(maps / 'inundated.tif') as file:
+        assert float(file.tags()['inundated_area_m2']) == score['inundated_area_m2']
