@@ -34,7 +34,7 @@ from lava_ros.hindcast.probabilistic_score import plan_of
 from lava_ros.hindcast.run import Settings
 from lava_ros.layers.numbers import duration
 from lava_ros.runs.provenance import identity_of
-from lava_ros.runs.store import unused_folder
+from lava_ros.runs.store import known_record, unused_folder
 from lava_ros.scene import Scene, Terrain
 from lava_ros.scene.on_terrain import read_raster_on
 from lava_ros.simulation.presets import preset_accuracy
@@ -142,32 +142,38 @@ def folder_of(
     }
 
 
-def with_spacing(options: RunOptions, plan: Plan, folder: Path) -> tuple[Plan, str]:
-    """Return the plan with the spacing of the preset, and how it was found.
+def with_spacing(options: RunOptions, plan: Plan, folder: Path) -> tuple[Plan, str, str]:
+    """Return the plan with the spacing of the preset, the preset, and how they were found.
 
-    Members that are already in the folder have their spacing.
+    Members that are already in the folder have their spacing and their preset.
 
     Raises:
         LavaError: If the folder cannot be read, or no spacing can be found.
     """
-    method = plan.accuracy.method
+    method, preset = plan.accuracy.method, options.preset
     if options.spacing is not None or (method == 'cells' and not options.target):
-        return plan, ''
+        return plan, preset, ''
     spacing, text = stored_spacing(folder), ''
-    if spacing is None and options.target:
+    if spacing is not None:
+        if options.target:
+            preset = known_record(folder).get('preset', preset)
+    elif options.target:
         settings = Settings(options.preset, device=options.device, method=method)
-        spacing = planned(
+        found = planned(
             median_scene(plan.scene), options.target, plan.horizon, plan.forced or {},
             options.device, method=method, members=options.members,
             **({'adapted': settings.adapted} if options.is_case else {}),
-        ).spacing
-    elif spacing is None:
+        )
+        preset, spacing = found.preset, found.spacing
+    else:
         choice = choose_spacing(
             median_scene(plan.scene), options.preset, plan.accuracy, effects=plan.effects,
             horizon=plan.horizon, runs=options.members, device=options.device,
         )
         spacing, text = choice.spacing, choice.text()
-    return replace(plan, accuracy=replace(plan.accuracy, spacing=spacing)), text
+    refinement = preset_accuracy(preset).refinement
+    accuracy = replace(plan.accuracy, spacing=spacing, refinement=refinement)
+    return replace(plan, accuracy=accuracy), preset, text
 
 
 def runner_of(options: RunOptions, plan: Plan) -> tuple[Any, dict[str, Any]]:

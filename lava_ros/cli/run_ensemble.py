@@ -194,9 +194,12 @@ def run_members(options: RunOptions) -> int:
     check_members(plan.scene, members)
     described = {**kept, **described}
     runner = runner_of(options, plan)
+    plan, preset, found = with_spacing(options, plan, output)
+    options = replace(options, preset=preset)
     runs = _Runs(options, wanted.case, output, described, *runner, wanted.remarks, outline)
-    plan, found = with_spacing(options, plan, output)
     store = Store(output, plan, **runs.kept)
+    # a repeated command has the preset that was planned
+    store.put({'preset': preset})
     if found:
         print(found)
     done, wall = runs.run(store, members, 'members')

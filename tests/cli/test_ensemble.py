@@ -5,6 +5,7 @@
 
 import json
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -379,6 +380,32 @@ def test_position_is_not_drawn_with_a_susceptibility_map(scene, tmp_path, kind):
     done(*words, '--workers', '1', '--device', 'cpu', '--susceptibility', where)
     quantities = json.loads((tmp_path / 'out/run.json').read_text())['quantities']
     assert 'position' in quantities['exact'] and 'position' not in quantities['drawn']
+
+
+def test_ensemble_states_the_preset_of_its_plan_everywhere(scene, tmp_path, monkeypatch):
+    plans = []
+
+    def planned(*args, **options):
+        plans.append(options)
+        return Mock(preset='fine', spacing=30.0)
+
+    monkeypatch.setattr('lava_ros.cli.ensemble_request.planned', planned)
+    words = ['run', scene, '-o', tmp_path / 'out', '--until', '10min', '--workers', '1']
+    words += ['--device', 'cpu', '--within', '60s', '--json', tmp_path / 'report.json']
+    for members in (1, 2):
+        done(*words, '--members', members)
+        record = json.loads((tmp_path / 'out/run.json').read_text())
+        report = json.loads((tmp_path / 'report.json').read_text())
+        assert (record['preset'], report['preset']) == ('fine', 'fine')
+        accuracy = record['plan']['accuracy']
+        assert (accuracy['spacing'], accuracy['refinement']) == (30.0, 1.414)
+        with rasterio.open(tmp_path / 'out/inundation_probability.tif') as file:
+            assert file.tags()['preset'] == 'fine'
+        assert 'preset fine' in read_run(tmp_path / 'out').facts['model']
+    # further members have the spacing of the first ones
+    assert len(plans) == 1
+    error = refused(*words[:-4], '--preset', 'draft', '--members', '2')
+    assert '--output is' in error or 'another folder' in error
 
 
 def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
