@@ -23,8 +23,8 @@ class EruptingLava:
     """Lava as it leaves the vents of a scene.
 
     Attributes:
-        material: Name of the material with the same constants, except for ``changed``; None for
-            lava that is like no material.
+        material: Name of the material with the same constants, except for ``changed``, which is
+            that of the scene if possible; None for lava that is like no material.
         changed: Names of the constants that differ from those of the material.
         vents: Name, temperature [K] and viscosity [Pa s] of the lava of each vent.
     """
@@ -36,7 +36,7 @@ class EruptingLava:
     @classmethod
     def of(cls, scene: Scene) -> 'EruptingLava':
         """Return the erupting lava of a scene."""
-        return cls(*material_of(scene.lava), tuple(
+        return cls(*material_of(scene.lava, scene.uncertainty.material), tuple(
             (vent.name, vent.temperature, scene.lava.viscosity_at(vent.temperature))
             for vent in scene.vents
             if vent.temperature is not None
@@ -50,13 +50,14 @@ class EruptingLava:
         try:
             lava = material_named(DEFAULT).lava_with(known.get('lava') or {})
             hot = lava.reference_temperature
+            named = str((known.get('uncertainty') or {}).get('material', ''))
             vents = [
                 (str(vent.get('name', '')), float(vent.get('temperature') or hot))
                 for vent in known.get('vents') or ()
             ]
         except (LavaError, AttributeError, TypeError, ValueError):
             return None
-        return cls(*material_of(lava), tuple(
+        return cls(*material_of(lava, named), tuple(
             (name, temperature, lava.viscosity_at(temperature)) for name, temperature in vents
         ))
 
@@ -89,11 +90,16 @@ class EruptingLava:
         )
 
 
-def material_of(lava: Lava) -> tuple[str | None, tuple[str, ...]]:
-    """Return the name of the most similar material, and the constants that differ from it.
+def material_of(lava: Lava, named: str = '') -> tuple[str | None, tuple[str, ...]]:
+    """Return the name of the material of a lava, and the constants that differ from it.
+
+    Args:
+        lava: The lava.
+        named: Material that the user has named. It precedes materials that are more similar, but
+            not one with the same constants.
 
     Returns:
-        Name and constants; None and no constants if more than ``MAX_CHANGED`` differ.
+        Name and constants; None and no constants if more than ``MAX_CHANGED`` differ from each.
     """
     own = asdict(lava)
 
@@ -102,8 +108,11 @@ def material_of(lava: Lava) -> tuple[str | None, tuple[str, ...]]:
         return tuple(key for key, value in own.items() if not _is_same(value, usual[key]))
 
     found = {name: changed(name) for name in materials()}
-    best = min(found, key=lambda name: len(found[name]))
-    return (best, found[best]) if len(found[best]) <= MAX_CHANGED else (None, ())
+    near = {name: keys for name, keys in found.items() if len(keys) <= MAX_CHANGED}
+    if not near:
+        return None, ()
+    best = min(near, key=lambda name: (len(near[name]) > 0, name != named, len(near[name])))
+    return best, near[best]
 
 
 def _is_same(one: object, other: object) -> bool:

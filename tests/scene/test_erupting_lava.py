@@ -76,3 +76,26 @@ def test_description_has_the_lava_of_its_scene():
             'viscosity_pa_s': scene.lava.viscosity_at(1400.0),
         }],
     }
+
+
+@pytest.mark.parametrize(('name', 'changes'), [
+    # as similar to etna_basalt, and more similar
+    ('etna_basalt_cells', {'crust_cover': 0.957, 'crust_cover_decay': 0.02}),
+    ('etna_basalt_cells', {'viscosity': 5e5, 'crust_cover': 0.957, 'crust_cover_decay': 0.02}),
+    ('etna_basalt', {'viscosity': 5.6e5, 'crust_cover': 1.0, 'crust_cover_decay': 0.15}),
+    # its composition changes the law of the viscosity
+    ('basalt', {'composition': {
+        'SiO2': 50.05, 'MgO': 7.2, 'FeO': 12.7, 'CaO': 11.2, 'Al2O3': 14.0,
+    }}),
+])
+def test_named_material_keeps_its_name_in_all_descriptions(name, changes):
+    scene = scene_with({'material': name, **changes}, 1400.0)
+    found = EruptingLava.of(scene)
+    assert found.material == name
+    assert EruptingLava.described(scene_to_dict(scene)) == found
+
+
+def test_lava_with_the_constants_of_another_material_has_its_name():
+    constants = {'viscosity': 5.6e5, 'crust_cover': 1.0, 'crust_cover_decay': 0.15}
+    lava = {'material': 'etna_basalt', 'crust_strength': 1e4, **constants}
+    assert EruptingLava.of(scene_with(lava, 1360.0)).material == 'etna_basalt_cells'
