@@ -259,6 +259,9 @@ class SceneSource:
         data: dict[str, Any] = {}
         if self.path is not None and not self._is_elevation:
             data, terrain = read_scene(self.path, terrain=terrain, options=options)
+            if (onset := onset_from('scene', data)) is not None:
+                # a table in place of that of the scene has the same time 0
+                given = replace(given, choices={'start': date_text(onset), **given.choices})
         elif terrain is None:
             for name in filter(options.__contains__, CASE_TERRAIN):
                 others = f'{self._word("terrain")} or a scene'

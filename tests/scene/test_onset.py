@@ -3,7 +3,7 @@
 
 """The date of simulated time 0 in scenes, from files and options to checkpoints."""
 
-from datetime import datetime, timezone
+from datetime import datetime, timedelta, timezone
 
 import numpy as np
 import pytest
@@ -83,6 +83,23 @@ def test_options_of_a_scene_give_its_onset(words, rates, tmp_path):
     words = [str(tmp_path / word) if word == 'rates.csv' else word for word in words]
     args = parse_command_line(['effects', str(path), *words])
     assert scene_from_arguments(args).onset == ONSET
+
+
+@pytest.mark.parametrize(('rates', 'more', 'words', 'opening'), [
+    # an hour before the first date of the table
+    ([3.0], {'onset': '2026-11-27T04:30:00Z'}, [], 3600.0),
+    ([{'file': 'own.csv'}], {}, [], 3600.0),
+    ([3.0], {'onset': '2026-11-27T04:30:00Z'}, ['--start', START], 0.0),
+    ([3.0], {}, [], 0.0),
+])
+def test_table_of_the_command_has_the_time_0_of_the_scene(tmp_path, rates, more, words, opening):
+    path = write(tmp_path, rates, **more)
+    (tmp_path / 'own.csv').write_text(DATED.replace('T05:30Z,', 'T04:30Z,'))
+    table = ['--effusion-rate', str(tmp_path / 'rates.csv'), *words]
+    scene = scene_from_arguments(parse_command_line(['effects', str(path), *table]))
+    (vent,) = scene.vents
+    assert vent.next_opening(0.0) == opening
+    assert scene.onset + timedelta(seconds=opening) == ONSET
 
 
 def test_start_that_contradicts_the_rates_of_the_file_is_refused(tmp_path):
