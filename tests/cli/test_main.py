@@ -28,6 +28,7 @@ from lava_ros.layers import layer
 from lava_ros.products import export, run_page
 from lava_ros.scene import effusion_rates, emplaced, materials, measurements, Scene
 from lava_ros.scene.materials import material_named
+from lava_ros.simulation.setup.defaults import device_of
 from lava_ros.simulation import presets, resolution
 
 ROOT = Path(__file__).parents[2]
@@ -68,6 +69,8 @@ def test_errors_are_one_sentence(line, named, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'file').write_text('terrain: {file: a\nvents: [')
     words = shlex.split(line)
+    # without a GPU, Warp says so once in a process
+    device_of('cpu')
     output = refused(*words)
     assert output.startswith(f'lava {command_of(words)}: ') and named in output
     assert output.count('\n') == 1
