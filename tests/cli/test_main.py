@@ -28,8 +28,8 @@ from lava_ros.layers import layer
 from lava_ros.products import export, run_page
 from lava_ros.scene import effusion_rates, emplaced, materials, measurements, Scene
 from lava_ros.scene.materials import material_named
-from lava_ros.simulation.setup.defaults import device_of
 from lava_ros.simulation import presets, resolution
+from lava_ros.simulation.setup.defaults import device_of
 
 ROOT = Path(__file__).parents[2]
 
