@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from lava_ros.cli.console import Progress, write_json
 from lava_ros.cli.options import argument, command, forced_effects, HORIZON, seconds_of
-from lava_ros.cli.scene_options import is_case, refuse_for_case, SCENE, UNTIL
+from lava_ros.cli.scene_options import SCENE, UNTIL
 from lava_ros.files.resources import share_path
 from lava_ros.layers.numbers import percent
 
@@ -47,16 +47,15 @@ def effects(args: argparse.Namespace) -> int:
     leaving it out costs. With --measure it also prints the largest number in a run. The effects
     of a mapped eruption are those of its run, to the end of the eruption.
     """
-    from lava_ros.cli.scenes import scene_from_arguments, source_of, sourced_case
+    from lava_ros.cli.scenes import case_from_arguments, scene_from_arguments
     from lava_ros.hindcast.run import Settings
     from lava_ros.simulation.presets import preset_accuracy
     from lava_ros.simulation.resolution import resolution_of
     from lava_ros.simulation.selection import decide
 
     forced, accuracy = forced_effects(args), preset_accuracy(args.preset)
-    if is_case(args):
-        refuse_for_case(args, effects.arguments)
-        case = sourced_case(source_of(args))
+    case = case_from_arguments(args, effects.arguments)
+    if case is not None:
         settings = Settings(args.preset, forced=forced)
         scene, horizon, forced = case.scene, case.duration, settings.effects
         accuracy = settings.accuracy(case)

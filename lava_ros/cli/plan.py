@@ -12,7 +12,7 @@ from typing import Any, TYPE_CHECKING
 from lava_ros import validation
 from lava_ros.cli.console import table_lines, with_units, write_json
 from lava_ros.cli.options import argument, command, forced_effects, HORIZON, seconds_of
-from lava_ros.cli.scene_options import is_case, refuse_for_case, SCENE, UNTIL
+from lava_ros.cli.scene_options import SCENE, UNTIL
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
@@ -42,12 +42,11 @@ def plan(args: argparse.Namespace) -> int:
     """
     from lava_ros.cli.planned import planned, target_of
     from lava_ros.cli.scenes import (
+        case_from_arguments,
         log_late,
         log_resolution,
         scene_from_arguments,
         settle_method,
-        source_of,
-        sourced_case,
     )
     from lava_ros.forecast.sampling import MAX_MEMBERS
     from lava_ros.hindcast.run import Settings
@@ -57,9 +56,7 @@ def plan(args: argparse.Namespace) -> int:
     if args.within is not None and args.error is not None:
         raise validation.conflict('--within', '--error')
     target, forced = target_of(args), forced_effects(args)
-    of_case = is_case(args)
-    if of_case:
-        refuse_for_case(args, plan.arguments)
+    case = case_from_arguments(args, plan.arguments)
     until = seconds_of('--until', args.until or HORIZON)
     if not target:
         raise LavaError('--within', None, 'wall time to use: 30s, 10min; or --error: 10%')
@@ -70,8 +67,7 @@ def plan(args: argparse.Namespace) -> int:
         if not args.members.isdecimal():
             raise LavaError('--members', args.members, 'a whole number at or above 1, or auto')
         members = validation.whole('--members', args.members, at_least=1, at_most=MAX_MEMBERS)
-    if of_case:
-        case = sourced_case(source_of(args))
+    if case is not None:
         scene, until = case.scene, case.duration
         forced = Settings(forced=forced).effects
     else:
@@ -80,7 +76,7 @@ def plan(args: argparse.Namespace) -> int:
     settings = Settings(method=args.method)
     found = planned(
         scene, target, until, forced, args.device, method=args.method, members=members,
-        with_inputs=True, **({'adapted': settings.adapted} if of_case else {}),
+        with_inputs=True, **({'adapted': settings.adapted} if case is not None else {}),
         on_pilot=lambda pilot: print(
             f'pilot: spacing {pilot.spacing:.3g} m took {pilot.wall_time:.2g} s', flush=True
         ),

@@ -4,7 +4,7 @@
 """Scenes from the arguments of a command."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, replace
 import logging
@@ -14,7 +14,8 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.cli.options import seconds_of
+from lava_ros.cli.options import Argument, seconds_of
+from lava_ros.cli.scene_options import is_case, refuse_for_case
 from lava_ros.errors import LavaError, Typed
 from lava_ros.layers.numbers import duration
 from lava_ros.scene import KELVIN, Scene
@@ -112,6 +113,22 @@ def sourced_case(source: SceneSource) -> 'Case':
     from lava_ros.hindcast.case import load_case
 
     return load_case(source)
+
+
+def case_from_arguments(args: argparse.Namespace, declared: Sequence[Argument]) -> 'Case | None':
+    """Read the case of the arguments; None if they describe a scene.
+
+    Args:
+        args: The parsed arguments.
+        declared: The arguments of the command.
+
+    Raises:
+        LavaError: If an option is given that a case replaces, or the case is not valid.
+    """
+    if not is_case(args):
+        return None
+    refuse_for_case(args, declared)
+    return sourced_case(source_of(args))
 
 
 def scene_from_arguments(args: argparse.Namespace, *, as_given: bool = False) -> Scene:

@@ -405,7 +405,7 @@ def test_ensemble_states_the_preset_of_its_plan_everywhere(scene, tmp_path, monk
     # further members have the spacing of the first ones
     assert len(plans) == 1
     error = refused(*words[:-4], '--preset', 'draft', '--members', '2')
-    assert '--output is' in error or 'another folder' in error
+    assert 'plan.accuracy.refinement is 0.707, expected 1.414, the value of the members' in error
 
 
 def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):

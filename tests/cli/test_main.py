@@ -69,7 +69,7 @@ def test_errors_are_one_sentence(line, named, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'file').write_text('terrain: {file: a\nvents: [')
     words = shlex.split(line)
-    # without a GPU, Warp says so once in a process
+    # Warp logs once in a process that it has found no GPU
     device_of('cpu')
     output = refused(*words)
     assert output.startswith(f'lava {command_of(words)}: ') and named in output

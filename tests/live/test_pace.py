@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated time that follows a clock, with a session that computes what a test says."""
+"""Simulated time that follows a clock. Each test sets the progress of the session."""
 
 import math
 from types import SimpleNamespace
@@ -67,7 +67,7 @@ def test_lag_beyond_its_maximum_is_lost_in_time_of_the_clock(scale):
     assert pace.clock.lost == pytest.approx(MAX_LAG - 3.0 / scale)
     report = pace.report(is_running=True)
     assert report['age'] == pace.target
-    # the step of 3 s is computed up to its end, and the newest step of the clock is no lag
+    # neither the rest of the step of 3 s nor the newest step of the clock counts as lag
     assert report['lag'] == pytest.approx(0.5 * MAX_LAG)
 
 
@@ -83,7 +83,7 @@ def test_lag_is_never_below_zero_and_stays_when_the_scale_changes():
     pace.time_scale = 2.0
     # two seconds of the clock are still due
     assert pace.target == 24.0
-    # a target within the step that the session has computed is no lag
+    # a target within the step that the session has computed does not count as lag
     session.compute(20.0, step=10.0)
     pace.time_scale = 4.0
     assert (pace.followed, pace.target) == (24.0, 24.0)
