@@ -231,5 +231,4 @@ class Effect:
     def needs_particles(self) -> bool:
         """True if columns on cells (``method: cells``) do not have the effect."""
         merges = self.removes_particles and not self.freezes
-        # only particles know how long lava has been in a place
-        return self.needs_velocity or self.is_lateral or self.ages_in_place or merges
+        return self.needs_velocity or self.is_lateral or merges

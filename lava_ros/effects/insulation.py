@@ -121,10 +121,8 @@ def stiffening(wp: Any, real: Any, law_type: Any, viscosity: Any) -> Any:
     def under_crust(law: law_type, temperature: real) -> real:
         mixed = viscosity(law, temperature)
         hot = real(law.reference_temperature)
-        if temperature >= hot:
-            return mixed
         core = (temperature - real(law.solidus)) / (hot - real(law.solidus))
-        core = wp.max(core, real(_MIN_CORE))
+        core = wp.clamp(core, real(_MIN_CORE), real(1.0))
         return wp.min(mixed, viscosity(law, hot) / (core * core * core))
 
     return under_crust

@@ -117,8 +117,8 @@ BOUNDS: dict[str, dict[str, Limits]] = {
     'crust': _after_hours(0.03, 0.03, 0.015),
     'insulation': _after_hours(0.001, 0.0005, 0.0005),
     'insulated_sheet': {
-        'cooling after 300 s': (0.035, 0.01, 0.01),
-        'cooling after 600 s': (0.09, 0.02, 0.02),
+        'cooling after 300 s': (0.028, 0.01, 0.005),
+        'cooling after 600 s': (0.08, 0.02, 0.016),
     },
     'latent_heat': _after_hours(2e-4, 3e-4, 1e-4),
     'steep_sheet': {

@@ -176,14 +176,16 @@ def test_effects_that_insulation_replaces_leave_no_error():
         assert found[name].cost == found[name].thickness_cost == 0.0
 
 
-def test_tube_fed_flow_is_as_long_as_published_laws_estimate(device):
+@pytest.mark.parametrize('method', ['particles', 'cells'])
+def test_tube_fed_flow_is_as_long_as_published_laws_estimate(method, device):
     """A month of 1 m3/s down 1.5 degrees is neither a mound nor a film.
 
     Smith (1973) gives 2.2 km for lava of the viscosity at the vent that does not cool.
     """
     scene, horizon = gentle(1.0, math.tan(math.radians(1.5)), 'etna_basalt')
     simulation = Simulation(
-        scene, accuracy=Accuracy(spacing=30.0, refinement=0.7), device=device, horizon=horizon,
+        scene, accuracy=Accuracy(method=method, spacing=30.0, refinement=0.7), device=device,
+        horizon=horizon,
     )
     assert 'insulation' in simulation.effects
     simulation.advance(horizon)

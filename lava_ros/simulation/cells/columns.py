@@ -17,7 +17,8 @@ class Columns:
     Attributes:
         thickness: Thickness of the flowing lava [m].
         temperature: Its temperature [K].
-        emission_time: Its mean time of emission [s].
+        emission_time: Its mean time of emission [s], or when lava reached the cell
+            (``HeatState``).
         solidified: Thickness of the solidified lava [m].
     """
 

@@ -12,6 +12,7 @@ from lava_ros.effects import Effects
 from lava_ros.effects.heat import heat_values, warming_function
 from lava_ros.effects.laws import law_values
 from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.memory import ArrayBlock, shared_array
 from lava_ros.simulation.cells.state import CellState, EDGE, Heat, KernelState, layout_of
 from lava_ros.simulation.particles.terrain import ringed_heights
@@ -28,8 +29,10 @@ class HeatState(KernelState):
         constants: Constants of the heat balance, by name.
         diffusivity: Thermal diffusivity of lava [m2/s], with ``conduction``.
         emerging: Minimum thickness of the columns that lava forms as it comes out of a vent [m].
+        threshold: Minimum thickness of lava that inundates ground [m].
         temperature: Temperature [K], float64, a map.
-        emission_time: Mean time of emission [s], float64, a map.
+        emission_time: Mean time of emission [s], float64, a map. With an effect that
+            ``ages_in_place``, the time at which lava reached the cell, or ``UNREACHED``.
         vent_temperature: Temperature of the lava that comes out [K], float32, a map.
         former: Thickness at the end of the latest step [m], float32, a map.
         warming, renewal: Changes of temperature [K] and time of emission [s] by the flow of the
@@ -52,7 +55,7 @@ class HeatState(KernelState):
     cold: Any
 
     def __init__(
-        self, cells: CellState, scene: Scene, effects: Effects, thickness: float
+        self, cells: CellState, scene: Scene, effects: Effects, accuracy: Accuracy
     ) -> None:
         """Allocate without lava; the temperature is 0.
 
@@ -60,9 +63,11 @@ class HeatState(KernelState):
             cells: State of the flow.
             scene: The scene.
             effects: The effects that are on.
-            thickness: Expected thickness of the flow [m].
+            accuracy: The resolution, with the expected thickness of the flow.
         """
-        self.emerging = EDGE * thickness
+        assert accuracy.thickness is not None
+        self.emerging = EDGE * accuracy.thickness
+        self.threshold = accuracy.inundation_threshold
         self.elevation = shared_array(ringed_heights, cells.terrain, wp.float64, cells.device)
         layout = layout_of(Heat, (cells.rows, cells.stride), ('elevation',), cold=cells.rows)
         self.block = ArrayBlock(layout, cells.device)

@@ -171,7 +171,7 @@ _EXCHANGE = """
     WITHIN
     const long w = s.stride;
     const float step = (float)s.clock.data[1], film = s.film, per_cell = 1.0f / s.cell;
-    const double begun = s.clock.data[0] - s.clock.data[1];
+    const double ended = s.clock.data[0], begun = ended - s.clock.data[1];
     const float* APART gx = s.flux_x.data;
     const float* APART gy = s.flux_y.data;
     const float* APART drop_x = s.drop_x.data;
@@ -211,6 +211,7 @@ _EXCHANGE = """
             SPEED
             DROP
             AGE
+            REACHED
             double now = temperature[p] + warming[p];
             WARM
             temperature[p] = now;
@@ -246,6 +247,13 @@ _PARTS = {
         emission_time[p] = time;
         const float age = larger((float)(begun - time), 0.0f);
     """,
+    'REACHED': """
+        // the crust stays where it is: its age counts from when lava reached the cell
+        const bool is_new = h >= m.threshold && ended < emission_time[p];
+        const double time = is_new ? ended : emission_time[p];
+        emission_time[p] = time;
+        const float age = larger((float)(begun - time), 0.0f);
+    """,
     'WARM': 'now += CALL(m.constants, column, (float)now, age, step);',
     'VISCOSITY': 'fluidity[p] = 1.0f / CALL(m.law, column.temperature);',
     'STRENGTH': 'column.age = age + step; strength[p] = CALL(m.law, column);',
@@ -259,7 +267,7 @@ _PARTS = {
 _YOUNG = """
         int young = 0;
         for (long p = from; is_serial && p <= to; p += lanes)
-            young |= thickness[p] > 0.0 && begun - (emission_time[p] + renewal[p]) < step;
+            young |= IS_LAVA && begun - BEGUN < step;
         if (!is_serial || young) {ANY_STEP} else {EACH}
 """
 
@@ -311,18 +319,21 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
     strength = strength_function(VECTOR_MATH, _REAL, effects)
     cosine_squared = effects.function('cosine_squared', _REAL)
     has_age, falls = effects.any('needs_age'), effects.any('needs_drop')
+    in_place = effects.any('ages_in_place')
+    moves_age = has_age and not in_place
     vec2 = wp.types.vector(2, _REAL)
 
     moving = _TRANSPORT
     for name, part, is_on in (
-        ('RENEWAL', _RENEWAL, has_age), ('CONDUCTION', _CONDUCTION, 'conduction' in effects),
+        ('RENEWAL', _RENEWAL, moves_age), ('CONDUCTION', _CONDUCTION, 'conduction' in effects),
         ('FALL', _FALL, falls), ('DESCENT', _DESCENT, falls),
     ):
         moving = moving.replace(name, part if is_on else '')
     exchanging = _EXCHANGE.replace('EDGE', f'{EDGE}f')
     for name, needed in (
         ('COSINE', cosine_squared), ('SPEED', effects.any('needs_speed')), ('DROP', falls),
-        ('AGE', has_age), ('WARM', straight), ('VISCOSITY', viscosity), ('STRENGTH', strength),
+        ('AGE', moves_age), ('REACHED', in_place), ('WARM', straight), ('VISCOSITY', viscosity),
+        ('STRENGTH', strength),
         *((name, effects.any('freezes')) for name in ('COLD', 'MARK', 'RAISE')),
     ):
         part = _PARTS[name] if needed else ''
@@ -333,7 +344,11 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
     if ages:
         any_step = each.replace('VECTORISED', '')
         any_step = any_step.replace(straight.native_func, warming.native_func)
+        is_lava, begun = 'thickness[p] > 0.0', '(emission_time[p] + renewal[p])'
+        if in_place:
+            is_lava, begun = '(float)thickness[p] >= m.threshold', 'emission_time[p]'
         each = _YOUNG.replace('ANY_STEP', any_step).replace('EACH', each)
+        each = each.replace('IS_LAVA', is_lava).replace('BEGUN', begun)
     exchanging = before + each + after
     if not has_age:
         exchanging = exchanging.replace('age + step', '0.0f').replace('age, step', '0.0f, step')

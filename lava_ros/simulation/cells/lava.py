@@ -45,6 +45,7 @@ from lava_ros.simulation.cells.state import (
     STAGES,
     STEPS,
     TIME,
+    UNREACHED,
 )
 from lava_ros.simulation.cells.vents import CellVents
 from lava_ros.simulation.output.budget import lost_volumes, VolumeBudget
@@ -146,8 +147,7 @@ class CellLava:
             self.grid, self.device, lava=lava, weight=lava.density * self.scene.gravity,
             film=self._film,
         )
-        assert self.accuracy.thickness is not None
-        self.heat = HeatState(self.state, self.scene, self.effects, self.accuracy.thickness)
+        self.heat = HeatState(self.state, self.scene, self.effects, self.accuracy)
         self.peaks = CellPeaks((self.state.rows, self.state.stride), self.device)
         self._grids: Any = None
         self.window = Window(terrain.shape, 2)
@@ -204,6 +204,8 @@ class CellLava:
         self._is_bare = True
         #: First and end of rows and columns with any lava at the start, [2, 2].
         self._ends_at_start = np.array([np.add(self.grid.shape, 2), [0, 0]])
+        if self.effects.any('ages_in_place'):
+            self.heat.emission_time.fill_(UNREACHED)
         lay_ground(self.state, self.heat, self.effects, is_bare=True)
         self._warm(hottest_of(self.scene))
 
@@ -225,7 +227,10 @@ class CellLava:
         rows, columns = box_of(lava.thickness > self._film)
         ends = rows.start, rows.stop - 1, columns.start, columns.stop - 1
         self._lava_box = np.array(ends, dtype=np.int32)
-        _fill(heat.emission_time, lava.emission_time)
+        emission_time = lava.emission_time
+        if self.effects.any('ages_in_place'):
+            emission_time = np.where(is_wet | (lava.solidified > 0.0), emission_time, UNREACHED)
+        fill(heat.emission_time, emission_time)
         rows, columns = box_of(is_wet | (lava.solidified > 0.0))
         self._ends_at_start = np.array([[rows.start, columns.start], [rows.stop, columns.stop]])
         self._ends_at_start += 1
@@ -245,7 +250,7 @@ class CellLava:
         #: The latest temperature of all cells [K]; None if they differ.
         self._warmth = first if is_uniform else None
         rheology, state = Rheology(self.scene.lava, self.effects), self.state
-        _fill(self.heat.temperature, temperature)
+        fill(self.heat.temperature, temperature)
         found, which = np.array([first], dtype=np.float32), np.array(0)
         if not is_uniform:
             found, which = np.unique(np.float32(temperature), return_inverse=True)
@@ -254,7 +259,7 @@ class CellLava:
             (state.strength, rheology.strength_at),
         ):
             values = np.array([law(one) for one in found.tolist()], dtype=np.float32)
-            _fill(array, values[which].reshape(np.shape(temperature)))
+            fill(array, values[which].reshape(np.shape(temperature)))
 
     @property
     def time(self) -> float:
@@ -438,7 +443,7 @@ class CellLava:
         )
 
 
-def _fill(array: Any, values: np.ndarray | float) -> None:
+def fill(array: Any, values: np.ndarray | float) -> None:
     """Write a map without its ring, which continues it, or a number."""
     first = np.ravel(values)[0]
     if np.all(values == first):

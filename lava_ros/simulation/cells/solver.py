@@ -19,12 +19,12 @@ from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.memory import write_part
+from lava_ros.simulation.backend.memory import read, write_part
 from lava_ros.simulation.batch import current_batch
 from lava_ros.simulation.cells.columns import Columns
 from lava_ros.simulation.cells.grid import deposit
 from lava_ros.simulation.cells.heat import carries_heat
-from lava_ros.simulation.cells.lava import CellLava
+from lava_ros.simulation.cells.lava import CellLava, fill
 from lava_ros.simulation.cells.state import (
     CLOCK,
     COUNTS,
@@ -36,6 +36,7 @@ from lava_ros.simulation.cells.state import (
     TARGET,
     THICKEST,
     TIME,
+    UNREACHED,
     UNTIL,
     WAITING,
 )
@@ -304,14 +305,25 @@ class CellSolver(CellLava):
             LavaError: If cells do not have one of them.
         """
         check_effects(effects)
-        needed_age, lava = self.effects.any('needs_age'), self.columns()
+        before, lava = self.effects, self.columns()
         self.effects = effects
-        if effects.any('needs_age') and not needed_age:
+        if effects.any('needs_age') and not before.any('needs_age'):
             # ages count from now
             lava.emission_time[:] = self.time
         self.heat.set_constants(self.scene, effects)
         self.put(lava)
+        if not before.any('ages_in_place'):
+            self._age_from_arrival()
         self._is_set, self._world = False, None
+
+    def _age_from_arrival(self) -> None:
+        """Let ages that count in place begin with the arrival of lava on the map."""
+        if self.effects.any('ages_in_place'):
+            arrived, terrain = read(self.covered.maps.arrived), self.scene.terrain
+            part = averaged(arrived >= 0.0, terrain, self.grid)
+            total = averaged(np.maximum(arrived, 0.0), terrain, self.grid)
+            mean = total / np.maximum(part, 1e-9)
+            fill(self.heat.emission_time, np.where(part > 0.0, mean, UNREACHED))
 
     def replace_vents(self, scene: Scene) -> None:
         """Continue with the vents of another scene; no lava waits in conduits."""
@@ -355,6 +367,7 @@ class CellSolver(CellLava):
         self.put(moved)
         self.peaks.move(peaks, lambda values: averaged(values, grid, self.grid))
         self._cover()
+        self._age_from_arrival()
         self.open_vents(now)
         self._is_due = True
 
@@ -401,16 +414,14 @@ class CellSolver(CellLava):
         if ((box < 0) | (box > last)).any():
             raise LavaError('checkpoint.cells.box', box.tolist(), f'from 0 to {last.tolist()}')
         times = take('cells', 'clock', self.clock[_TIMES])
-        fluidity, strength, peaks = (
-            getattr(state, name).numpy().copy() for name in ('fluidity', 'strength', 'peaks')
-        )
+        restored = state.fluidity, state.strength, state.peaks, heat.emission_time
+        values = [array.numpy().copy() for array in restored]
         self.put(self.columns())
-        # put rounds them, and knows no age
-        state.fluidity.assign(fluidity)
-        state.strength.assign(strength)
-        state.peaks.assign(peaks)
+        # put rounds them, and knows no age nor where lava has been
+        for array, value in zip(restored, values, strict=True):
+            array.assign(value)
         self.clock[_TIMES], self.counts[:] = times, state.counts.numpy()
-        self.thickest = float(peaks[0])
+        self.thickest = float(values[2][0])
         self._cover()
         if arrived is not None:
             self.covered.load(arrived)

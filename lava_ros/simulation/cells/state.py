@@ -64,6 +64,9 @@ BOX, BOUNDS, LEFT = slice(15, 19), slice(19, 23), slice(23, 26)
 #: Thickness of a cell that lava covers wholly, over that of its thickest neighbour (covered.py).
 EDGE = 0.25
 
+#: ``HeatState.emission_time`` of a cell that lava has not reached, where ages count in place [s].
+UNREACHED = 1e300
+
 #: Arrays that the ground alone determines (``ground.lay_ground``).
 FACES = 'drop_x', 'drop_y', 'factor_x', 'factor_y', 'cross_x', 'cross_y'
 
@@ -122,6 +125,7 @@ class Heat:
     constants: heat_type(wp.float32)
     diffusivity: wp.float32
     emerging: wp.float32
+    threshold: wp.float32
     temperature: wp.array2d(dtype=wp.float64)
     emission_time: wp.array2d(dtype=wp.float64)
     vent_temperature: wp.array2d(dtype=wp.float32)

@@ -207,11 +207,28 @@ def _run_plane(accuracy: Accuracy, device: str) -> case.Run:
     return trial.run()
 
 
+def _fissure_profile(thickness: float, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return places x [m], evenly spaced up to a length, and thickness [m] of a steady sheet.
+
+    Lava at rest, with a level surface, lies above the fissure. In the fissure the flux F(x) grows
+    linearly, and the slope of the surface is tan(SLOPE) F(x) / FLUX (h / h(x))^3, h far below.
+    """
+    x = np.linspace(TOP, length, 20001)
+    flux = np.clip(0.5 * (x / REACH + 1.0), 0.0, 1.0)
+    profile = np.full(x.shape, thickness)
+    for i in range(np.searchsorted(x, REACH), 0, -1):
+        fall = flux[i] * (thickness / max(profile[i], 1e-6)) ** 3
+        below = profile[i] - (x[i] - x[i - 1]) * math.tan(SLOPE) * (1.0 - fall)
+        profile[i - 1] = max(below, 0.0)
+    return x, profile
+
+
 def _run_insulated(accuracy: Accuracy, device: str) -> case.Run:
     """Compare the temperature along a sheet that moves under a crust, which stays in place.
 
-    The crust is as old as the simulation. A column at x has lost heat on x + REACH, a mean of lava
-    that the fissure emits there and further up: its thickness times its speed is the flux so far.
+    The crust is as old as the simulation. A column at x is a mixture of lava from all of the
+    fissure, and where lava comes out far up, it takes longest to leave: its thickness times its
+    speed is the flux so far.
     """
     lava = replace(STIFFENING, arrhenius=0.0, **UNDER_CRUST)
     weight = lava.density * GRAVITY * math.sin(SLOPE)
@@ -219,24 +236,32 @@ def _run_insulated(accuracy: Accuracy, device: str) -> case.Run:
     thickness = normal / math.cos(SLOPE)
     speed = FLUX / thickness
     length, width = CRUSTED
-    area = (length + REACH) * width
-    fraction, y = case.strip(width, round(area * (accuracy.refinement / SPACING) ** 2))
-    x = fraction * (length + REACH) - REACH
+    place, profile = _fissure_profile(thickness, length)
+    # times to leave the fissure, from the middles of its parts
+    edges = np.linspace(-REACH, REACH, 2001)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    flux = 0.5 * FLUX * (middles / REACH + 1.0)
+    passing = np.diff(edges) * np.interp(middles, place, profile) / flux
+    leaving = passing[::-1].cumsum()[::-1] - 0.5 * passing
+    section = float(np.trapezoid(profile, place))
+    count = round(section / thickness * width * (accuracy.refinement / SPACING) ** 2)
+    fraction, y = case.strip(width, count)
+    x = case.distributed(fraction, place, profile)
     trial = _fissure(
         lava, case.only('steep', 'insulation'), accuracy, device, length=length + 100.0,
-        thickness=thickness, width=width,
-        particles=Particles(np.column_stack([x, y]), thickness * area / len(x), HOT),
+        thickness=thickness, width=width, top=TOP,
+        particles=Particles(np.column_stack([x, y]), section * width / count, HOT),
     )
     for moment in (300.0, 600.0):
         trial.advance(moment)
         sample = trial.sample()
         x, y = sample.position.T
-        middle = (np.abs(y) < 40.0) & (x > 10.0) & (x < 50.0)
-        before = np.maximum(moment - (x[middle] + REACH) / speed, 0.0)
+        compared = (np.abs(y) < 40.0) & (x > 10.0) & (x < 50.0)
+        ages = (x[compared, None] - REACH) / speed + leaving[::20]
         grown = exact.stefan_crust(lava, moment, ambient=COLD)
-        grown = grown - exact.stefan_crust(lava, before, ambient=COLD)
+        grown = grown - exact.stefan_crust(lava, np.maximum(moment - ages, 0.0), ambient=COLD)
         expected = (HOT - lava.solidus) * float(grown.mean()) / normal
-        found = HOT - sample.temperature[middle].mean()
+        found = HOT - sample.temperature[compared].mean()
         trial.compare(f'cooling after {moment:g} s', found, expected, 'K')
     return trial.run()
 

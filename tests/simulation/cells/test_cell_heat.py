@@ -68,7 +68,9 @@ class Flow:
         self.state = CellState(
             terrain, 'cpu', lava=lava, weight=lava.density * GRAVITY, film=1e-6
         )
-        self.heat = HeatState(self.state, self.scene, self.effects, 1.0)
+        self.heat = HeatState(
+            self.state, self.scene, self.effects, Accuracy(thickness=1.0)
+        )
         state, heat = self.state, self.heat
         lay_ground(state, heat, self.effects)
         state.thickness.assign(np.pad(thickness, 1))

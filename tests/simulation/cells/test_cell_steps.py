@@ -13,6 +13,7 @@ import warp as wp
 
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import Scene, Terrain
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.cells import state as at
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import lay_ground
@@ -68,7 +69,7 @@ def lava_on(
     terrain = Terrain(elevation, cell)
     state = CellState(terrain, 'cpu', lava=lava, weight=WEIGHT, film=film)
     scene = Scene(terrain, (), lava)
-    lay_ground(state, HeatState(state, scene, effects, 1.0), effects)
+    lay_ground(state, HeatState(state, scene, effects, Accuracy(thickness=1.0)), effects)
     state.thickness.assign(np.pad(thickness, 1))
     state.stage.assign(np.pad(thickness, 1).astype(np.float32))
     viscosity = np.full(elevation.shape, lava.viscosity) if viscosity is None else viscosity
