@@ -174,6 +174,7 @@ class Effect:
         work_power: Power of the number of particles in the time of an evaluation.
         arrays: Arrays that it keeps on the device, by name.
         removes_particles: True if particles may lose all their volume to it, and are then dropped.
+        needs_particles: True if columns on cells (``method: cells``) do not have the effect.
         benchmark: Constants of lava, or of the scene, with which it matters, by name.
     """
 
@@ -212,6 +213,7 @@ class Effect:
     work_power: float = 1.0
     arrays: Mapping[str, Array] = field(default_factory=dict)
     removes_particles: bool = False
+    needs_particles: bool = False
     benchmark: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -226,9 +228,3 @@ class Effect:
     def thickness_cost(self) -> float:
         """Largest fraction of the mean thickness that changes, such as the height of a dome."""
         return self.extent_error + thickness_change(self.speed_error)
-
-    @property
-    def needs_particles(self) -> bool:
-        """True if columns on cells (``method: cells``) do not have the effect."""
-        merges = self.removes_particles and not self.freezes
-        return self.needs_velocity or self.is_lateral or merges

@@ -18,6 +18,7 @@ EFFECT = Effect(
     source='docs/benchmarks/choice_lateral.csv',
     excludes={'inertia': 'the lateral stress is part of the local balance'},
     is_lateral=True,
+    needs_particles=True,
     arrays={
         # x, y [m], and volume times local velocity, x and y [m4/s], of each ordered particle
         'source': Array('vec4'),

@@ -27,6 +27,7 @@ EFFECT = Effect(
     extent_error=0.02,
     source='point source on a slope with and without',
     needs_velocity=True,
+    needs_particles=True,
     # acceleration x and y [m/s2] of each ordered particle
     arrays={'kick': Array('vec2')},
 )

@@ -18,4 +18,5 @@ EFFECT = Effect(
         'moved': Array('float64', (2,), is_saved=True),
     },
     removes_particles=True,
+    needs_particles=True,
 )

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.polynomial import Polynomial
 import pytest
 
+from lava_ros.effects.helmholtz import REDUCTION
 from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.scene import Lava, Terrain
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.step.effects.helmholtz import _schedule, LARGEST_EIGENVALUE, REDUCTION
+from lava_ros.simulation.step.effects.helmholtz import _schedule, LARGEST_EIGENVALUE
 from lava_ros.verification import exact
-from lava_ros.verification.cases.confined import channel_velocity
+from lava_ros.verification.cases.confined import channel_velocity, WIDTHS
 from lava_ros.verification.cases.sheets import response
 from solver import only, simulated
 
@@ -50,6 +51,14 @@ def test_speed_in_a_channel_has_its_order_in_the_spacing(device):
         _, found = channel_velocity(5.0, effect='helmholtz', accuracy=accuracy, device=device)
         errors.append(found.error)
     assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] > 1.6
+
+
+@pytest.mark.parametrize(('width', 'count'), WIDTHS.items())
+def test_speed_in_a_channel_on_cells_is_that_of_the_equation(width, count, device):
+    accuracy = Accuracy(method='cells', spacing=0.5 * width / count)
+    _, found = channel_velocity(width, effect='helmholtz', accuracy=accuracy, device=device)
+    half = 0.5 * width * math.sqrt(LATERAL_DRAG)
+    assert found.measured == pytest.approx(1.0 - math.tanh(half) / half, rel=0.004)
 
 
 def test_sweeps_solve_the_matrix():

@@ -16,17 +16,28 @@ float32. The recursion is that of the thickness passed through each face, not th
 thickness: what leaves a cell enters the next one, and the thickness in float64 has no error of
 rounding in its sum.
 
+With lateral stress (``helmholtz``) the local speed u0 at each face, the flux over the mean
+thickness h, is replaced by the solution of
+
+    d / h (u - u0) = sum over the four faces around of h' (u' - u) / cell^2
+
+with d of effects/laws.py and h' the thickness between two faces: the finite volumes of the
+equation in simulation/step/effects/helmholtz.py on the grids of the faces, one for each direction.
+
 On a CPU a step is one function whose loops over rows the compiler vectorises. It needs pointers
 that do not overlap and no branches, so it is C++.
 """
 
 from functools import lru_cache
+import math
 from typing import Any
 
 import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.effects.column import column_type
+from lava_ros.effects.helmholtz import MAX_SWEEPS, REDUCTION
+from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
 from lava_ros.simulation.cells import flow_source
 from lava_ros.simulation.cells.spans import COLUMNS, spans_function
@@ -122,10 +133,18 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
     faces = flow_source.NEWTONIAN_FACE, flow_source.NEWTONIAN
     if law is not None:
         faces = flow_source.LAW_FACE, flow_source.BY_LAW
+    is_lateral = effects.any('is_lateral')
     is_steep = effects.function('factor', wp.float32) is not None
     own = 'fluid * (a * fluidity[p] + b * fluidity[q]) / (a + b + 1e-30f)'
     parts = {
         'SHARED': shared(blocks),
+        'SOLVER': flow_source.LATERAL_SOLVER + 'solve(first_x, first_y);' if is_lateral else '',
+        'EVALUATE': flow_source.LATERAL_STAGE if is_lateral else '',
+        'FLOW': flow_source.LATERAL_FLUX if is_lateral else flow_source.OWN_FLUX,
+        'ON_SLOPE': '* steep[p]' if is_steep else '',
+        'DRAG': LATERAL_DRAG,
+        'MAX_SWEEPS': MAX_SWEEPS,
+        'LOGARITHM': math.log(2.0 / REDUCTION),
         'COLUMNS': COLUMNS,
         'SLOTS': SLOTS,
         'CLEAR_OWN': CLEAR.replace('WHICH', 'slots'),

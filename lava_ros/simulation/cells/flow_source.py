@@ -63,6 +63,117 @@ BY_LAW = """
     };
 """
 
+#: Lateral viscous stress: what flows through the faces, by Chebyshev sweeps (``flow.py``). Faces
+#: whose lava is a film, or none, pull no other.
+LATERAL_SOLVER = """
+    float* local_of[2] = {s.local_x.data, s.local_y.data};
+    float* solved_of[2] = {s.solved_x.data, s.solved_y.data};
+    float* others_of[2] = {s.unsolved_x.data, s.unsolved_y.data};
+    auto mean_of = [&](long p, long next) {
+        const float mean = 0.5f * (y[p] + y[p + next]);
+        return mean > film ? mean : 0.0f;
+    };
+    const double stress = 4.0 / DRAG * thickest * thickest * per_cell * per_cell;
+    const double condition = 2.0 * (1.0 + stress), centre = 1.0 + 1.0 / condition;
+    const double half = 1.0 - 1.0 / condition;
+    int sweeps = 2;
+    while (sweeps < MAX_SWEEPS && sweeps < 0.5 * LOGARITHM * sqrtf((float)condition)) ++sweeps;
+    // replaces the local fluxes through the faces
+    auto solve = [&](float* flux_x, float* flux_y) {
+        for (long i = first_of(top); i <= last_of(bottom); i += lines)
+            faces_of(i, [&](int axis, long from, long to, long next, long, const float*,
+                            const float*, const float*) {
+                const float* flux = axis ? flux_y : flux_x;
+                float* own = local_of[axis];
+                float* APART solved = solved_of[axis];
+                float* APART others = others_of[axis];
+                for (long p = from; p <= to; p += lanes) {
+                    const float mean = mean_of(p, next);
+                    const float speed = mean > 0.0f ? flux[p] / larger(mean, film) : 0.0f;
+                    own[p] = speed, solved[p] = speed, others[p] = speed;
+                }
+            });
+        together();
+        double rho = half / centre;
+        for (int sweep = 0; sweep < sweeps; ++sweep) {
+            const double next_rho = sweep ? 1.0 / (2.0 * centre / half - rho) : rho;
+            const float momentum = sweep ? next_rho * rho : 0.0f;
+            const float relaxation = sweep ? 2.0 * next_rho / half : 1.0 / centre;
+            rho = next_rho;
+            for (long i = first_of(top); i <= last_of(bottom); i += lines)
+                faces_of(i, [&](int axis, long from, long to, long next, long side,
+                                const float*, const float*, const float*) {
+                    const float* APART own = local_of[axis];
+                    const float* APART solved = solved_of[axis];
+                    const float* APART steep = axis ? s.factor_y.data : s.factor_x.data;
+                    float* APART others = others_of[axis];
+                    // a face of the first row has dry ground behind it
+                    const long back = i > 0 ? next : 0;
+                    for (long p = from; p <= to; p += lanes) {
+                        const float mean = mean_of(p, next), u = solved[p];
+                        const float drag = DRAGf * s.cell * s.cell
+                            / (larger(mean, film) ON_SLOPE);
+                        const float below = mean_of(p - side, next);
+                        const float above = mean_of(p + side, next);
+                        const float a = above_film(y[p]), b = above_film(y[p + next]);
+                        const float c = below > 0.0f ? 0.5f * (mean + below) : 0.0f;
+                        const float d = above > 0.0f ? 0.5f * (mean + above) : 0.0f;
+                        const float pull = drag * (own[p] - u) + a * (solved[p - back] - u)
+                            + b * (solved[p + next] - u) + c * (solved[p - side] - u)
+                            + d * (solved[p + side] - u);
+                        const float change = momentum * (u - others[p])
+                            + relaxation / (drag + a + b + c + d) * pull;
+                        others[p] = mean > 0.0f ? u + change : 0.0f;
+                    }
+                });
+            together();
+            for (int axis = 0; axis < 2; ++axis) {
+                float* swap = solved_of[axis];
+                solved_of[axis] = others_of[axis], others_of[axis] = swap;
+            }
+        }
+        for (long i = first_of(top); i <= last_of(bottom); i += lines)
+            faces_of(i, [&](int axis, long from, long to, long next, long, const float*,
+                            const float*, const float*) {
+                float* APART flux = axis ? flux_y : flux_x;
+                const float* APART solved = solved_of[axis];
+                for (long p = from; p <= to; p += lanes) flux[p] = solved[p] * mean_of(p, next);
+            });
+        together();
+    };
+"""
+
+#: Fluxes of a stage after the first, in ``local_x`` and ``local_y``.
+LATERAL_STAGE = """
+        if (n > 1) {
+            for (long i = first_of(top); i <= last_of(bottom); i += lines)
+                faces_of(i, [&](int axis, long from, long to, long next, long side,
+                                const float* APART drop, const float* APART beside,
+                                const float* APART factor) {
+                    const float* APART mobility = axis ? mobility_y : mobility_x;
+                    const float* APART held = axis ? held_y : held_x;
+                    float* APART flux = local_of[axis];
+                    for (long p = from; p <= to; p += lanes) {
+                        const Flux f = flux_of(
+                            p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
+                        flux[p] = f.rate * f.fall;
+                    }
+                });
+            together();
+            solve(s.local_x.data, s.local_y.data);
+        }
+"""
+
+#: Flux through a face at a stage: by the thicknesses alone, or with lateral stress.
+OWN_FLUX = """
+                    const float flux = flux_of(
+                        p, p + next, side, drop[p], factor, beside, mobility[p], HELD).limited;
+"""
+LATERAL_FLUX = """
+                    const float flux = limited(
+                        local_of[axis][p], above_film(y[p]), above_film(y[p + next]));
+"""
+
 #: A whole step. ``FACES`` evaluates flux_of at all faces of row i of the window.
 STEP = """
     int* box = s.box.data;
@@ -194,6 +305,7 @@ STEP = """
     CLEAR
     max_rate = __builtin_bit_cast(float, raised(slots + STIFF));
     const bool is_open = !raised(slots + CLOSED);
+    SOLVER
     for (long i = first_of(top); i <= last_of(bottom); i += lines)
         faces_of(i, [&](int axis, long from, long to, long next, long,
                         const float* APART drop, const float*, const float*) {
@@ -292,6 +404,7 @@ STEP = """
                 for (long p = from; p <= to; p += lanes) y[p] = kind[p] ? 0.0f : y[p];
             if (n == stages) find_overdrawn(i, gx, gy);
         };
+        EVALUATE
         for (long i = first_of(top); i <= last_of(bottom); i += lines) {
             faces_of(i, [&](int axis, long from, long to, long next, long side,
                             const float* APART drop, const float* APART beside,
@@ -306,9 +419,8 @@ STEP = """
                     return;
                 }
                 for (long p = from; p <= to; p += lanes) {
-                    const Flux f = flux_of(
-                        p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
-                    older[p] = m * newer[p] + v * older[p] + t * f.limited + t0 * first[p];
+                    FLOW
+                    older[p] = m * newer[p] + v * older[p] + t * flux + t0 * first[p];
                 }
             });
             if (is_serial && i >= top + LAG) update(i - LAG);

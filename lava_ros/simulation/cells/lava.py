@@ -41,6 +41,7 @@ from lava_ros.simulation.cells.state import (
     FACES,
     FULL,
     Heat,
+    LATERAL,
     LEFT,
     STAGES,
     STEPS,
@@ -130,6 +131,7 @@ class CellLava:
         own = math.prod(scale * side + 2.0 for side in terrain.shape)
         per_cell = bytes_per_cell(Covered, without=_SHARED)
         shared = _SHARED if effects.any('freezes') else (*_SHARED, *FACES)
+        shared = shared if effects.any('is_lateral') else (*shared, *LATERAL)
         own *= bytes_per_cell(Cells, Heat, Highest, without=shared)
         return math.ceil(own) + terrain.elevation.size * per_cell
 

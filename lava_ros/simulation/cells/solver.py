@@ -193,6 +193,8 @@ class CellSolver(CellLava):
             (temperature,) = self._temperatures
             if temperature != self._warmth:
                 self._warm(temperature)
+        if self.effects.any('is_lateral'):
+            self.state.allocate_lateral()
         world = World.ctype()
         parts = {'flow': self.state, 'heat': self.heat, 'highest': self.peaks}
         for name, part in parts.items():

@@ -70,6 +70,9 @@ UNREACHED = 1e300
 #: Arrays that the ground alone determines (``ground.lay_ground``).
 FACES = 'drop_x', 'drop_y', 'factor_x', 'factor_y', 'cross_x', 'cross_y'
 
+#: Arrays that lateral stress alone needs.
+LATERAL = 'local_x', 'local_y', 'solved_x', 'solved_y', 'unsolved_x', 'unsolved_y'
+
 #: Constants of the laws of flow, with viscosity and yield strength of one face.
 FaceLaw = structure('FaceLaw', (*law_type(wp.float32).vars, 'strength'), wp.float32)
 
@@ -105,6 +108,12 @@ class Cells:
     held_y: wp.array2d(dtype=wp.float32)
     first_x: wp.array2d(dtype=wp.float32)
     first_y: wp.array2d(dtype=wp.float32)
+    local_x: wp.array2d(dtype=wp.float32)
+    local_y: wp.array2d(dtype=wp.float32)
+    solved_x: wp.array2d(dtype=wp.float32)
+    solved_y: wp.array2d(dtype=wp.float32)
+    unsolved_x: wp.array2d(dtype=wp.float32)
+    unsolved_y: wp.array2d(dtype=wp.float32)
     kind: wp.array2d(dtype=wp.uint8)
     box: wp.array(dtype=wp.int32)
     vent_box: wp.array(dtype=wp.int32)
@@ -177,8 +186,11 @@ class KernelState:
         own = vars(self)
         for name in self.STRUCT.vars:
             value = own.get(name)
-            if value is None:
+            if value is None and name in self.block:
                 self.block.describe(name, target)
+            elif value is None:
+                # an array that no kernel of this simulation reads
+                continue
             elif isinstance(value, dict):
                 filled(getattr(target, name), value)
             else:
@@ -222,6 +234,9 @@ class CellState(KernelState):
             at the start of the step [m/s], float32, maps of faces.
         mobility_x, mobility_y, held_x, held_y: Constants of the faces in a step (``flow.py``),
             float32, maps of faces.
+        local_x, local_y, solved_x, solved_y, unsolved_x, unsolved_y: Speeds by the local balance,
+            over the size of a cell, and those of two sweeps of the lateral stress [1/s], float32,
+            maps of faces; not allocated before it is on.
         box: First and last row, first and last column of the window, int32, shape [4].
         clock: Times (``TIME`` and following), float64, shape [9].
         counts: Counts (``STEPS`` and following), int32, shape [4].
@@ -284,10 +299,17 @@ class CellState(KernelState):
         self.rows, self.stride = (count + 2 for count in terrain.shape)
         self.kind = shared_array(_kinds, terrain, wp.uint8, device)
         layout = layout_of(
-            Cells, (self.rows, self.stride), ('kind', *FACES), box=4, vent_box=4, clock=9,
-            counts=4, peaks=2, left=3, gone=3 * self.rows, slots=32, spans=4 * self.rows,
+            Cells, (self.rows, self.stride), ('kind', *FACES, *LATERAL), box=4, vent_box=4,
+            clock=9, counts=4, peaks=2, left=3, gone=3 * self.rows, slots=32, spans=4 * self.rows,
         )
         self.block = ArrayBlock(layout, device)
+
+    def allocate_lateral(self) -> None:
+        """Allocate what lateral stress needs, if that is not done."""
+        if LATERAL[0] not in vars(self):
+            shape = self.rows, self.stride
+            block = ArrayBlock(dict.fromkeys(LATERAL, (wp.float32, shape)), self.device)
+            vars(self).update({name: block[name] for name in LATERAL})
 
     def map_of(self, name: str) -> np.ndarray:
         """Copy a map without the ring to the host, shape [rows, columns]."""

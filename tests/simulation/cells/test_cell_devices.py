@@ -27,6 +27,8 @@ SETS = {
     'yielding': ['steep', 'yielding'],
     'cooling': ['steep', 'yielding', 'arrhenius', 'cooling', 'viscous_heating', 'solidification'],
     'crust': ['steep', 'arrhenius', 'cooling', 'crust_strength', 'conduction'],
+    'insulated': ['steep', 'arrhenius', 'insulation'],
+    'stressed': ['steep', 'helmholtz'],
 }
 
 

@@ -68,6 +68,8 @@ def lava_on(
     """Return the state of some lava, and a function that advances it to a time [s]."""
     terrain = Terrain(elevation, cell)
     state = CellState(terrain, 'cpu', lava=lava, weight=WEIGHT, film=film)
+    if effects.any('is_lateral'):
+        state.allocate_lateral()
     scene = Scene(terrain, (), lava)
     lay_ground(state, HeatState(state, scene, effects, Accuracy(thickness=1.0)), effects)
     state.thickness.assign(np.pad(thickness, 1))
@@ -90,15 +92,20 @@ def lava_on(
     return state, advance
 
 
-def bump(cell, turn, viscosity=lambda x: 1e4 + 0.0 * x):
-    """Return a smooth hill of lava, after it has flowed down a slope, on cells of 20 m."""
+def bump(cell, turn, viscosity=lambda x: 1e4 + 0.0 * x, effects=NONE, base=1.0, pace=40.0):
+    """Return a smooth hill of lava, after it has flowed down a slope, on cells of 20 m.
+
+    ``base`` is the thickness around it [m], and the longest step lasts as long as a cell at a
+    ``pace`` [m/s].
+    """
     x, y = centres(320.0, cell)
     x, y = x * math.cos(turn) + y * math.sin(turn), y * math.cos(turn) - x * math.sin(turn)
-    thickness = 1.0 + np.exp(-((x / 90.0) ** 2) - (y / 60.0) ** 2)
+    thickness = base + np.exp(-((x / 90.0) ** 2) - (y / 60.0) ** 2)
     _, advance = lava_on(
-        -0.05 * x + 2.0 * np.sin(y / 60.0), cell, thickness, viscosity=viscosity(x)
+        -0.05 * x + 2.0 * np.sin(y / 60.0), cell, thickness, viscosity=viscosity(x),
+        effects=effects,
     )
-    found, parts = advance(60.0, longest=cell / 40.0), round(20.0 / cell)
+    found, parts = advance(60.0, longest=cell / pace), round(20.0 / cell)
     size = len(found) // parts
     means = found.reshape(size, parts, size, parts).mean(axis=(1, 3))
     # lava leaves over the border
@@ -114,6 +121,22 @@ def test_error_of_smooth_lava_is_of_second_order(turn, viscosity):
     coarse, middle, fine = (bump(cell, turn, viscosity) for cell in (20.0, 10.0, 5.0))
     order = math.log2(np.abs(coarse - middle).mean() / np.abs(middle - fine).mean())
     assert order > 1.9
+
+
+@pytest.mark.parametrize('turn', TURNS)
+def test_error_with_lateral_stress_is_of_second_order(turn):
+    """The lava is a quarter as thick as its hill is wide.
+
+    Lateral stress reaches farther from the border than lava flows.
+    """
+    stress = replace(NONE, helmholtz=True)
+    coarse, middle, fine, local = (
+        bump(cell, turn, lambda x: 1e7 + 0.0 * x, effects, base=15.0, pace=4.0)[4:-4, 4:-4]
+        for cell, effects in ((20.0, stress), (10.0, stress), (5.0, stress), (5.0, NONE))
+    )
+    order = math.log2(np.abs(coarse - middle).mean() / np.abs(middle - fine).mean())
+    assert order > 1.9
+    assert np.abs(local - fine).max() > 5.0 * np.abs(middle - fine).max()
 
 
 @pytest.mark.parametrize('turn', TURNS)

@@ -25,6 +25,7 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.effects.helmholtz import MAX_SWEEPS, REDUCTION
 from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.scene import Scene
 from lava_ros.simulation.backend.compiled import (
@@ -42,13 +43,6 @@ from lava_ros.simulation.particles.kernels import smoothing_kernel, SmoothingKer
 from lava_ros.simulation.particles.layout import arguments_type, cell_frame
 from lava_ros.simulation.particles.terrain import speed_limit_function, terrain_functions
 from lava_ros.simulation.step.effects import DevicePart
-
-#: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
-REDUCTION = 1e-4
-
-#: Maximum number of sweeps, which is reached if the expected thickness is 22 kernel radii; beyond
-#: it they reduce the error less.
-MAX_SWEEPS = 1024
 
 #: Threads per block, and blocks for which a GPU processor must have registers: a sweep waits for
 #: memory, and more threads hide the latency.
@@ -192,7 +186,8 @@ def _schedule(thickness: float, radius: float) -> list[tuple[float, float]]:
 
     The neighbours' sum over the drag d / h is 28 h^2 / (d l^2) for Wendland C2: the integral of
     F is 28 / l^2. The smallest eigenvalue of the preconditioned matrix is one over one plus that.
-    The number of Chebyshev sweeps, at most ``MAX_SWEEPS``, reduces the error by ``REDUCTION``.
+    The number of Chebyshev sweeps, at most ``MAX_SWEEPS`` (reached if the
+    expected thickness is 22 kernel radii), reduces the error by ``REDUCTION``.
     """
     stress_over_drag = 28.0 * thickness**2 / (LATERAL_DRAG * radius**2)
     condition = LARGEST_EIGENVALUE * (1.0 + stress_over_drag)
