@@ -5,12 +5,6 @@
 
 from lava_ros.effects.effect import Array, Effect
 
-#: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
-REDUCTION = 1e-4
-
-#: Maximum number of sweeps; beyond it they reduce the error less.
-MAX_SWEEPS = 1024
-
 EFFECT = Effect(
     rank=90,
     title='lateral viscous stress, solved',

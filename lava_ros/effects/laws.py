@@ -24,6 +24,10 @@ from lava_ros.effects.protocols import Lava
 #: across the flow (docs/MODEL.md derives it; the method's authors use it too, SCA 2024).
 LATERAL_DRAG = 2.5
 
+#: Factor by which the sweeps that solve for it reduce the error of the local velocity, and their
+#: maximum number; beyond that they reduce the error less.
+REDUCTION, MAX_SWEEPS = 1e-4, 1024
+
 #: Constants of the laws of flow of every lava.
 _FLOW = ('viscosity', 'reference_temperature', 'liquidus', 'solidus')
 

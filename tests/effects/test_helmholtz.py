@@ -10,8 +10,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 import pytest
 
-from lava_ros.effects.helmholtz import REDUCTION
-from lava_ros.effects.laws import LATERAL_DRAG
+from lava_ros.effects.laws import LATERAL_DRAG, REDUCTION
 from lava_ros.scene import Lava, Terrain
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy

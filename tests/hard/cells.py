@@ -30,7 +30,7 @@ import numpy as np
 
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.cells.flow import DISPLACEMENT, HEATED_DISPLACEMENT, MAX_STAGES
+from lava_ros.simulation.cells.flow import MAX_STAGES, most_displaced
 from lava_ros.simulation.cells.state import RATE
 from lava_ros.simulation.step.stage import longest_step
 
@@ -97,7 +97,7 @@ def pace(simulation: Simulation) -> float:
         )
     if simulation.effects.having('speed'):
         stiffness = float(state.peaks.numpy()[RATE])
-    most = DISPLACEMENT if not solver._is_heated else HEATED_DISPLACEMENT
+    most = most_displaced(simulation.effects, is_heated=solver._is_heated)
     stages = np.arange(3, MAX_STAGES + 1, 2)
     stable = 0.9 * 0.25 * (stages**2 + stages - 2.0)
     step = min(longest, most / max(fastest, 1e-300), stable[-1] / max(stiffness, 1e-300))

@@ -16,13 +16,16 @@ float32. The recursion is that of the thickness passed through each face, not th
 thickness: what leaves a cell enters the next one, and the thickness in float64 has no error of
 rounding in its sum.
 
-With lateral stress (``helmholtz``) the local speed u0 at each face, the flux over the mean
-thickness h, is replaced by the solution of
+With lateral stress (``helmholtz``) the local speed u0 at each face, the flux over the
+thickness h that it carries, is replaced by the solution of
 
-    d / h (u - u0) = sum over the four faces around of h' (u' - u) / cell^2
+    d h^2 / H (u - u0) = sum over the four faces around of h' (u' - u) / cell^2
 
-with d of effects/laws.py and h' the thickness between two faces: the finite volumes of the
-equation in simulation/step/effects/helmholtz.py on the grids of the faces, one for each direction.
+with d of effects/laws.py, H the mean of h^3 and h' the thickness between two faces, sideways the
+harmonic mean: the finite volumes of the equation in simulation/step/effects/helmholtz.py on the
+grids of the faces, one for each direction. The left side of u0 is the weight of the lava, and the
+matrix is symmetric, so the energy does not grow. The speed hardly changes from a face to the next,
+so h is limited: a mean would pile lava up behind a front.
 
 On a CPU a step is one function whose loops over rows the compiler vectorises. It needs pointers
 that do not overlap and no branches, so it is C++.
@@ -36,8 +39,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.effects.column import column_type
-from lava_ros.effects.helmholtz import MAX_SWEEPS, REDUCTION
-from lava_ros.effects.laws import LATERAL_DRAG
+from lava_ros.effects.laws import LATERAL_DRAG, MAX_SWEEPS, REDUCTION
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
 from lava_ros.simulation.cells import flow_source
 from lava_ros.simulation.cells.spans import COLUMNS, spans_function
@@ -50,8 +52,9 @@ MAX_STAGES = 99
 #: Maximum displacement of lava in a step, in cells.
 DISPLACEMENT = 2.0
 
-#: The same for lava that carries heat: it passes on at most the heat of a cell.
-HEATED_DISPLACEMENT = 0.8
+#: The same for lava that carries heat, as it passes on at most the heat of a cell, and with
+#: lateral stress: stages of longer steps amplify what a common speed carries from cell to cell.
+HEATED_DISPLACEMENT, LATERAL_DISPLACEMENT = 0.8, 0.4
 
 #: Maximum ratio of the lengths of consecutive steps.
 GROWTH = 1.5
@@ -65,6 +68,13 @@ _STABLE = 0.9
 
 #: Maximum number of passes that limit what cells give.
 _LIMITS = 4
+
+
+def most_displaced(effects: Effects, *, is_heated: bool) -> float:
+    """Return the maximum displacement of lava in a step, in cells."""
+    if effects.any('is_lateral'):
+        return LATERAL_DISPLACEMENT
+    return HEATED_DISPLACEMENT if is_heated else DISPLACEMENT
 
 
 @lru_cache
@@ -158,7 +168,7 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
         'LAG': '0' if law is None else '1',
         'LAW': '' if law is None else law.native_func,
         'MAX_STAGES': MAX_STAGES,
-        'DISPLACEMENT': DISPLACEMENT if is_uniform else HEATED_DISPLACEMENT,
+        'DISPLACEMENT': most_displaced(effects, is_heated=not is_uniform),
         'GROWTH': GROWTH,
         'STABLE': _STABLE,
         'LIMITS': _LIMITS,

@@ -63,8 +63,7 @@ BY_LAW = """
     };
 """
 
-#: Lateral viscous stress: what flows through the faces, by Chebyshev sweeps (``flow.py``). Faces
-#: whose lava is a film, or none, pull no other.
+#: Lateral viscous stress: what flows through the faces, by Chebyshev sweeps (``flow.py``).
 LATERAL_SOLVER = """
     float* local_of[2] = {s.local_x.data, s.local_y.data};
     float* solved_of[2] = {s.solved_x.data, s.solved_y.data};
@@ -72,6 +71,27 @@ LATERAL_SOLVER = """
     auto mean_of = [&](long p, long next) {
         const float mean = 0.5f * (y[p] + y[p + next]);
         return mean > film ? mean : 0.0f;
+    };
+    auto bed_of = [](float a, float b) { return 0.25f * (a + b) * (a * a + b * b); };
+    // thickness that a flux through a face carries, limited (Koren 1993)
+    struct Around { long back, ahead; };
+    auto around = [&](int axis, long i, long next) {
+        // beyond the first and last row there is no lava either
+        return Around{axis && i == 0 ? 0 : next, axis && i + 2 >= s.rows ? next : 2 * next};
+    };
+    auto carried = [&](long p, long next, Around near, float flux) {
+        const float a = above_film(y[p]), b = above_film(y[p + next]);
+        // from the thicker cell if nothing flows without the other faces
+        const bool forward = flux > 0.0f || (flux == 0.0f && a > b);
+        const float own = forward ? a : b, other = forward ? b : a;
+        const float behind = above_film(forward ? y[p - near.back] : y[p + near.ahead]);
+        const float before = own - behind, after = other - own;
+        const float third = (before + 2.0f * after) * (1.0f / 3.0f);
+        const float slope = larger(0.0f, smaller(third, 2.0f * smaller(before, after)))
+            + smaller(0.0f, larger(third, 2.0f * larger(before, after)));
+        // no drag is less than that of the thicker cell, which bounds the number of sweeps
+        const float least = bed_of(a, b) / larger(larger(a, b), film);
+        return larger(own + 0.5f * slope, sqrtf(least) + film);
     };
     const double stress = 4.0 / DRAG * thickest * thickest * per_cell * per_cell;
     const double condition = 2.0 * (1.0 + stress), centre = 1.0 + 1.0 / condition;
@@ -87,9 +107,10 @@ LATERAL_SOLVER = """
                 float* own = local_of[axis];
                 float* APART solved = solved_of[axis];
                 float* APART others = others_of[axis];
+                const Around near = around(axis, i, next);
                 for (long p = from; p <= to; p += lanes) {
-                    const float mean = mean_of(p, next);
-                    const float speed = mean > 0.0f ? flux[p] / larger(mean, film) : 0.0f;
+                    const float one = flux[p] / carried(p, next, near, flux[p]);
+                    const float speed = mean_of(p, next) > 0.0f ? one : 0.0f;
                     own[p] = speed, solved[p] = speed, others[p] = speed;
                 }
             });
@@ -107,22 +128,27 @@ LATERAL_SOLVER = """
                     const float* APART solved = solved_of[axis];
                     const float* APART steep = axis ? s.factor_y.data : s.factor_x.data;
                     float* APART others = others_of[axis];
-                    // a face of the first row has dry ground behind it
-                    const long back = i > 0 ? next : 0;
+                    const Around near = around(axis, i, next);
                     for (long p = from; p <= to; p += lanes) {
                         const float mean = mean_of(p, next), u = solved[p];
-                        const float drag = DRAGf * s.cell * s.cell
-                            / (larger(mean, film) ON_SLOPE);
+                        const float a = above_film(y[p]), b = above_film(y[p + next]);
+                        const float full = carried(p, next, near, own[p]);
+                        const float bed = larger(bed_of(a, b), film * film * film);
+                        const float drag = DRAGf * s.cell * s.cell * full * full / (bed ON_SLOPE);
                         const float below = mean_of(p - side, next);
                         const float above = mean_of(p + side, next);
-                        const float a = above_film(y[p]), b = above_film(y[p + next]);
-                        const float c = below > 0.0f ? 0.5f * (mean + below) : 0.0f;
-                        const float d = above > 0.0f ? 0.5f * (mean + above) : 0.0f;
-                        const float pull = drag * (own[p] - u) + a * (solved[p - back] - u)
-                            + b * (solved[p + next] - u) + c * (solved[p - side] - u)
-                            + d * (solved[p + side] - u);
+                        // the side of a thick flow is free, also next to a film
+                        const float c = 2.0f * mean * below / (mean + below + film);
+                        const float d = 2.0f * mean * above / (mean + above + film);
+                        // in pairs, so that mirrored flows are mirrored to the last bit
+                        const float from_a = a * (solved[p - near.back] - u);
+                        const float from_b = b * (solved[p + next] - u);
+                        const float from_c = c * (solved[p - side] - u);
+                        const float from_d = d * (solved[p + side] - u);
+                        const float pull = (from_a + from_b) + (from_c + from_d);
+                        const float sum = (a + b) + (c + d) + drag;
                         const float change = momentum * (u - others[p])
-                            + relaxation / (drag + a + b + c + d) * pull;
+                            + relaxation / sum * (drag * (own[p] - u) + pull);
                         others[p] = mean > 0.0f ? u + change : 0.0f;
                     }
                 });
@@ -136,8 +162,11 @@ LATERAL_SOLVER = """
             faces_of(i, [&](int axis, long from, long to, long next, long, const float*,
                             const float*, const float*) {
                 float* APART flux = axis ? flux_y : flux_x;
+                const float* own = local_of[axis];
                 const float* APART solved = solved_of[axis];
-                for (long p = from; p <= to; p += lanes) flux[p] = solved[p] * mean_of(p, next);
+                const Around near = around(axis, i, next);
+                for (long p = from; p <= to; p += lanes)
+                    flux[p] = solved[p] * carried(p, next, near, own[p]);
             });
         together();
     };

@@ -33,19 +33,39 @@ def patch(slope):
     return Terrain(ground, CELL), Particles(places, rng.uniform(0.5, 3.0, len(places)), 1400.0)
 
 
-def solved(local, thickness, factor):
-    """Return the speeds at the faces along axis 1, by a direct solution.
+def carried(flux, thickness):
+    """Return the thickness that fluxes along axis 1 carry, limited as in ``solved``."""
+    wide = np.pad(thickness, ((0, 0), (1, 1)))
+    behind, own, other = (wide[:, k : k + flux.shape[1]] for k in range(3))
+    after = wide[:, 3 : 3 + flux.shape[1]]
+    is_forward = np.where(flux == 0.0, own > other, flux > 0.0)
+    own, other, behind = (
+        np.where(is_forward, *pair) for pair in ((own, other), (other, own), (behind, after))
+    )
+    rise, most = other - own, 2.0 * (own - behind)
+    limited = own + 0.5 * np.where(
+        rise * most > 0.0, np.sign(rise) * np.minimum(np.abs(rise), np.abs(most)), 0.0
+    )
+    cubes = 0.25 * (own + other) * (own**2 + other**2)
+    return np.maximum(limited, np.sqrt(cubes / np.maximum(np.maximum(own, other), 1e-9)))
 
-    ``local`` are those without lateral stress, ``thickness`` that of the cells, with a ring; face
-    (i, j) is between the cells (i, j) and (i, j + 1). ``factor`` reduces the local speed.
+
+def solved(flux, thickness, factor):
+    """Return the fluxes through the faces along axis 1, by a direct solution.
+
+    ``flux`` are those without lateral stress, ``thickness`` that of the cells, with a ring; face
+    (i, j) is between the cells (i, j) and (i, j + 1). ``factor`` reduces the local flux.
     """
+    h = carried(flux, thickness)
+    local = np.divide(flux, h, out=np.zeros_like(h), where=h > 0.0)
     rows, columns = local.shape
     mean = 0.5 * (thickness[:, :-1] + thickness[:, 1:])
     faces = np.argwhere(mean > 0.0)
     number = {tuple(face): index for index, face in enumerate(faces.tolist())}
     matrix, source = np.zeros((len(faces), len(faces))), np.zeros(len(faces))
     for (i, j), index in number.items():
-        drag = LATERAL_DRAG / (mean[i, j] * factor[i, j])
+        a, b = thickness[i, j : j + 2]
+        drag = LATERAL_DRAG * h[i, j] ** 2 / (0.25 * (a + b) * (a**2 + b**2) * factor[i, j])
         matrix[index, index] += drag
         source[index] = drag * local[i, j]
         for other, amount in (
@@ -53,12 +73,13 @@ def solved(local, thickness, factor):
             ((i - 1, j), None), ((i + 1, j), None),
         ):
             if other in number and amount != 0.0:
-                amount = 0.5 * (mean[i, j] + mean[other]) if amount is None else amount
+                if amount is None:
+                    amount = 2.0 * mean[i, j] * mean[other] / (mean[i, j] + mean[other])
                 matrix[index, index] += amount / CELL**2
                 matrix[index, number[other]] -= amount / CELL**2
     found = np.zeros((rows, columns))
     found[tuple(faces.T)] = np.linalg.solve(matrix, source)
-    return found
+    return found * h
 
 
 def test_sweeps_solve_the_equation_on_the_faces():
@@ -76,9 +97,7 @@ def test_sweeps_solve_the_equation_on_the_faces():
     thickness = state.thickness.numpy()
     factors = state.factor_x.numpy()[:, :-1], state.factor_y.numpy()[:-1].T
     for before, after, h, factor in zip(*fluxes, (thickness, thickness.T), factors, strict=True):
-        mean = 0.5 * (h[:, :-1] + h[:, 1:])
-        speed = np.divide(before, mean, out=np.zeros_like(mean), where=mean > 0.0)
-        expected = solved(speed, h, factor) * mean
+        expected = solved(before.astype(float), h, factor)
         largest = np.abs(before - expected).max()
         assert largest > 0.2 * np.abs(before).max()
         # a cell gives no more than it has, however its lava is pulled
@@ -97,7 +116,7 @@ def test_lateral_stress_keeps_the_volume_and_holds_lava_in_a_valley():
         for until in (1e4, 3e4):
             simulation.advance(until)
         snapshot = simulation.snapshot()
-        assert snapshot.budget.lost == 0.0
+        assert snapshot.budget.lost < 1e-12
         volume = np.nansum(snapshot.thickness, dtype=float)
         assert volume == pytest.approx(snapshot.budget.emitted, rel=1e-6)
         assert snapshot.budget.flowing == pytest.approx(snapshot.budget.emitted, rel=1e-12)

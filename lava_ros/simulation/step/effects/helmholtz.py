@@ -25,8 +25,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.effects.helmholtz import MAX_SWEEPS, REDUCTION
-from lava_ros.effects.laws import LATERAL_DRAG
+from lava_ros.effects.laws import LATERAL_DRAG, MAX_SWEEPS, REDUCTION
 from lava_ros.scene import Scene
 from lava_ros.simulation.backend.compiled import (
     access,
