@@ -138,7 +138,9 @@ ENSEMBLE = run_keys('An ensemble', 'ensemble', {
     'elevation': text('Digest of the terrain'),
     'plan': free('Horizon, accuracy and effects of the members'),
     'susceptibility': unknown(text('Digest of --susceptibility')),
-    'parents': unknown(text('Digest of the members near which those of --posterior are drawn')),
+    'parents': unknown(text(
+        'Digest of the members near which those of --posterior are drawn, and of the observed lava'
+    )),
     'quantities': keys('Uncertain quantities', {
         'drawn': named(keys('A quantity', {
             'distribution': text('Distribution'), 'source': text('Source'),

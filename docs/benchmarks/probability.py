@@ -34,7 +34,7 @@ from lava_ros.forecast.assimilation import jaccard, Outline, weigh
 from lava_ros.forecast.ensemble import run_ensemble, run_here
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.probability import Footprint, footprint_by
-from lava_ros.forecast.sampling import draw_members, Posterior
+from lava_ros.forecast.sampling import draw_members, parents_digest, Posterior
 from lava_ros.forecast.scores import brier_parts
 from lava_ros.forecast.store import Store
 from lava_ros.hindcast.case import Case, load_case
@@ -158,9 +158,10 @@ def dated_rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterato
     ensembles = [(ALL_DATES, outlines, store, None)]
     if not args.ranges_only:
         posterior = Posterior(members, weights.values)
+        parents = parents_digest(members, weights.values)
         # with the effects that sentinels have switched on
         same_effects = replace(store.plan, switched_on=())
-        new = Store(args.folder / f'{case.name}_posterior', same_effects, posterior=posterior)
+        new = Store(args.folder / f'{case.name}_posterior', same_effects, parents=parents)
         drawn = draw_members(plan.scene, args.members, posterior=posterior)
         run_ensemble(drawn, new, runner=runner)
         ensembles += [

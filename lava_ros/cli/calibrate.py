@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from dataclasses import asdict
 import math
 from pathlib import Path
+import sys
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, Progress, write_json
 from lava_ros.cli.options import argument, command, output_option
 from lava_ros.errors import LavaError, RefusalError, refusing
-from lava_ros.files import file_to_write
+from lava_ros.files import file_to_write, writable_file
 
 if TYPE_CHECKING:
     from lava_ros.hindcast.calibration import CrossValidation, Finding, ParameterSample
@@ -103,9 +104,14 @@ def calibrate(args: argparse.Namespace) -> int:
     present = {item.name for item in output.iterdir()}
     if present and not {TABLE, SETTINGS} & present:
         raise LavaError('--output', str(output), 'a folder that is new, empty or of a calibration')
-    file_to_write('--output', table)
+    for name in (TABLE, SETTINGS, CALIBRATION, INTERVALS):
+        writable_file('--output', output / name)
     results = [name for case in cases for name in calibration.result_names(case)]
     known = [] if args.fresh else calibration.read_samples(table, parameters, results)
+    if known:
+        print(f'continuing with the {len(known)} sets in {table}', file=sys.stderr)
+    else:
+        file_to_write('--output', table)
     _keep_settings(args, cases, settings, output, has_runs=bool(known))
     others = {
         numbers['directions'] for sample in known for numbers in sample.numbers.values()

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from lava_ros import validation
+from lava_ros.cli.console import made_folder
 from lava_ros.cli.options import device_named
 from lava_ros.cli.planned import planned
 from lava_ros.cli.run_options import RunOptions, with_method
@@ -18,6 +19,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.ensemble import (
+    check_cluster,
     default_workers,
     run_here,
     run_in_processes,
@@ -148,12 +150,17 @@ def with_spacing(options: RunOptions, plan: Plan, folder: Path) -> tuple[Plan, s
     Members that are already in the folder have their spacing and their preset.
 
     Raises:
-        LavaError: If the folder cannot be read, or no spacing can be found.
+        LavaError: If the folder or the scheduler cannot be used, or no spacing can be found.
     """
     method, preset = plan.accuracy.method, options.preset
     if options.spacing is not None or (method == 'cells' and not options.target):
         return plan, preset, ''
     spacing, text = stored_spacing(folder), ''
+    if spacing is None:
+        # the pilot runs would be lost if the members could not run
+        made_folder(folder)
+        if options.scheduler is not None:
+            check_cluster(options.scheduler)
     if spacing is not None:
         if options.target:
             preset = known_record(folder).get('preset', preset)

@@ -41,8 +41,14 @@ from lava_ros.forecast.ensemble_error import measure_ensemble_error
 from lava_ros.forecast.influence import Influences, influences_of
 from lava_ros.forecast.member_scenes import check_members
 from lava_ros.forecast.members import Plan
-from lava_ros.forecast.sampling import draw_members, MAX_MEMBERS, Member, Posterior
-from lava_ros.forecast.store import BAG, Store
+from lava_ros.forecast.sampling import (
+    draw_members,
+    MAX_MEMBERS,
+    Member,
+    parents_digest,
+    Posterior,
+)
+from lava_ros.forecast.store import BAG, plan_in, Store
 from lava_ros.hindcast.case import Case
 from lava_ros.layers.forecast import HazardMaps
 from lava_ros.products.ensemble_files import write_atlas
@@ -197,6 +203,12 @@ def run_members(options: RunOptions) -> int:
     plan, preset, found = with_spacing(options, plan, output)
     options = replace(options, preset=preset)
     runs = _Runs(options, wanted.case, output, described, *runner, wanted.remarks, outline)
+    # all folders of the command must be usable before any member runs or a file is written
+    known = plan_in(output, plan, **kept)
+    if options.posterior:
+        plan_in(**_of_posterior(runs, known, members), **kept)
+    if barriers:
+        plan_in(**_with_barriers(runs, known, barriers), **kept)
     store = Store(output, plan, **runs.kept)
     # a repeated command has the preset that was planned
     store.put({'preset': preset})
@@ -290,36 +302,55 @@ def _posterior(
     """Run new members near those that agree with the observation; return their report."""
     assert runs.outline is not None and done.weights is not None
     options = runs.options
-    folder = runs.output / f'{POSTERIOR}_{runs.outline.time:.10g}s'
     posterior = Posterior(tuple(members), done.weights.values)
     drawn = draw_members(
         plan.scene, options.posterior or 0, posterior=posterior, seed=options.seed,
         susceptibility=runs.kept['susceptibility'],
     )
     check_members(plan.scene, drawn)
-    # keep the effects that sentinels have switched on for the first members
-    store = Store(folder, replace(plan, switched_on=()), posterior=posterior, **runs.kept)
+    store = Store(**_of_posterior(runs, plan, members), **runs.kept)
     again, wall = runs.run(store, drawn, 'new members')
     assert again.weights is not None
     result = runs.summary(store.plan, again.maps, again, wall)
     result['effective_parents'] = posterior.effective_members
     result['jaccard_mean'] = float(again.weights.jaccard.mean())
-    result |= runs.scores(store, len(drawn), folder)
-    runs.keep(store.plan, again.maps, folder, result, observation)
+    result |= runs.scores(store, len(drawn), store.path)
+    runs.keep(store.plan, again.maps, store.path, result, observation)
     store.finish(with_units(result, m='spacing usable_spacing'))
     return result
+
+
+def _of_posterior(runs: _Runs, plan: Plan, members: Sequence[Member]) -> dict[str, Any]:
+    """Return the arguments of the store of new members near some, in addition to the common."""
+    seen = runs.outline
+    assert seen is not None
+    # keep the effects that sentinels have switched on for the first members
+    return {
+        'folder': runs.output / f'{POSTERIOR}_{seen.time:.10g}s',
+        'plan': replace(plan, switched_on=()),
+        'parents': parents_digest(members, np.array(seen.time), seen.lava, seen.known),
+    }
+
+
+def _with_barriers(runs: _Runs, plan: Plan, barriers: Sequence[Barrier]) -> dict[str, Any]:
+    """Return the arguments of the store of members with barriers, in addition to the common."""
+    scene = run_barriers.dammed(plan.scene, barriers, runs.options.built)
+    # keep the effects that sentinels have switched on for the members without barriers
+    return {
+        'folder': runs.output / run_barriers.WITH_BARRIERS,
+        'plan': replace(plan, scene=scene, switched_on=()),
+    }
 
 
 def _dammed(
     runs: _Runs, plan: Plan, members: Sequence[Member], barriers: Sequence[Barrier]
 ) -> dict[str, Any]:
     """Run the members with barriers, and return the comparison."""
-    options, folder = runs.options, runs.output / run_barriers.WITH_BARRIERS
-    # keep the effects that sentinels have switched on for the members without barriers
-    scene = run_barriers.dammed(plan.scene, barriers, options.built)
-    other = Store(folder, replace(plan, scene=scene, switched_on=()), **runs.kept)
+    other = Store(**_with_barriers(runs, plan, barriers), **runs.kept)
     again, wall = runs.run(other, members, 'members with barriers')
     result = runs.summary(other.plan, again.maps, again, wall)
-    runs.keep(other.plan, again.maps, folder, result)
+    runs.keep(other.plan, again.maps, other.path, result)
     other.finish(with_units(result, m='spacing usable_spacing'))
-    return run_barriers.compare(options, runs.output, folder, barriers, runs.origin(other.plan))
+    return run_barriers.compare(
+        runs.options, runs.output, other.path, barriers, runs.origin(other.plan)
+    )

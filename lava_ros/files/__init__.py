@@ -71,7 +71,15 @@ def similar_file(path: Path) -> str:
 
 
 def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) -> Path:
-    """Check and return the path of an output, and log that an existing file will be replaced.
+    """Check an output as ``writable_file``, and log that an existing file will be replaced."""
+    path = writable_file(field, value, endings)
+    if os.path.lexists(os.path.realpath(path)):
+        _LOG.info('%s exists and will be replaced', path)
+    return path
+
+
+def writable_file(field: str, value: str | Path, endings: Sequence[str] = ()) -> Path:
+    """Check and return the path of an output.
 
     Args:
         field: Name of the field in errors.
@@ -96,8 +104,6 @@ def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) ->
         for item in (place, place.parent) if is_there else (place.parent,):
             if not os.access(item, os.W_OK):
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(item))
-    if is_there:
-        _LOG.info('%s exists and will be replaced', path)
     return path
 
 

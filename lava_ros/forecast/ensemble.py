@@ -273,6 +273,16 @@ def run_on_cluster(
             future.release()
 
 
+def check_cluster(scheduler: str) -> None:
+    """Connect to a scheduler, and disconnect.
+
+    Raises:
+        LavaError: If it cannot be reached, or its workers lack this version of the package.
+    """
+    with _client(scheduler):
+        pass
+
+
 @contextmanager
 def _client(scheduler: str) -> Iterator[Any]:
     """Connect to a scheduler whose workers have this version of the package."""

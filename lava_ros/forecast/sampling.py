@@ -115,13 +115,6 @@ class Posterior:
         """Effective number of parents."""
         return effective_members(self.weights)
 
-    @property
-    def digest(self) -> str:
-        """Return a hash of the distribution, in hexadecimal digits."""
-        points = np.array([parent.point for parent in self.parents])
-        content = points.tobytes() + np.asarray(self.weights, dtype=np.float64).tobytes()
-        return hashlib.blake2b(content, digest_size=16).hexdigest()
-
     def near(
         self, points: np.ndarray, is_drawn: np.ndarray
     ) -> tuple[np.ndarray, list[Member]]:
@@ -151,6 +144,14 @@ class Posterior:
         result = known[places]
         result[:, is_drawn] = _middle_of_step(ndtr(mean + moved))
         return result, [self.parents[place] for place in places]
+
+
+def parents_digest(parents: Sequence[Member], *reasons: np.ndarray) -> str:
+    """Return a hash of members and of the arrays that decide their weights, in hex digits."""
+    digest = hashlib.blake2b(digest_size=16)
+    for values in (np.array([parent.point for parent in parents]), *reasons):
+        digest.update(np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()
 
 
 class Susceptibility:

@@ -23,7 +23,7 @@ from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.assimilation import UNIT, Weights
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.probability import EnsembleAccumulator, Footprint, NEVER
-from lava_ros.forecast.sampling import Posterior, Susceptibility
+from lava_ros.forecast.sampling import Susceptibility
 from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.layers.forecast import HazardMaps
 from lava_ros.layers.places import Places
@@ -32,6 +32,7 @@ from lava_ros.runs.provenance import description
 from lava_ros.runs.store import is_usable, known_record, RecordedFolder
 from lava_ros.scene import MAX_ELEVATION, scene_to_dict
 from lava_ros.scene.ranges import describe_inputs
+from lava_ros.simulation import MODEL
 from lava_ros.simulation.output.inundation import TOUCHED
 
 _LOG = logging.getLogger(__name__)
@@ -48,9 +49,7 @@ ENSEMBLE = 'ensemble'
 _USABLE = 'a folder that is new, empty, or of this ensemble'
 
 #: Keys of ``run.json`` that the members of a folder have in common.
-_COMMON = (
-    'scene', 'quantities', 'elevation', 'plan', 'seed', 'susceptibility', 'parents'
-)
+_COMMON = ('scene', 'quantities', 'elevation', 'plan', 'seed', 'susceptibility')
 
 
 class Store(RecordedFolder):
@@ -67,7 +66,7 @@ class Store(RecordedFolder):
         *,
         seed: int = 0,
         susceptibility: Susceptibility | None = None,
-        posterior: Posterior | None = None,
+        parents: str | None = None,
         settings: Mapping[str, Any] = {},
         inputs: Sequence[Mapping[str, Any]] = (),
         identity: str = '',
@@ -79,7 +78,7 @@ class Store(RecordedFolder):
             plan: Plan of the members.
             seed: Seed of the random numbers.
             susceptibility: Likelihood that the vent opens in a cell, if any.
-            posterior: Members from which new ones are drawn, if any.
+            parents: Digest of the members near which these are drawn (``parents_digest``), if any.
             settings: Choices of the user, for ``run.json``.
             inputs: Path, size and digest of each input file, for ``run.json``.
             identity: Identity of the ensemble, by which a command without a folder finds it.
@@ -89,29 +88,17 @@ class Store(RecordedFolder):
                 files.
         """
         folder = Path(folder)
-        known = known_record(folder)
-        self.plan = plan.switching_on(_switched_on(known))
-        self._members = folder / 'members'
-        self._drawn = {
-            'seed': seed,
-            'susceptibility': None if susceptibility is None else susceptibility.digest,
-            'parents': None if posterior is None else posterior.digest,
+        self._drawn: dict[str, Any] = {
+            'seed': seed, 'susceptibility': susceptibility, 'parents': parents,
         }
+        self.plan = plan_in(folder, plan, **self._drawn)
+        self._members = folder / 'members'
         begun = {
             'kind': ENSEMBLE, **description(plan.scene, identity, settings, inputs),
-            **self._described(), 'maps': BAG,
+            **_described(self.plan, **self._drawn), 'maps': BAG,
         }
-        if known:
-            if known.get('kind') != ENSEMBLE:
-                raise LavaError('--output', str(folder), _USABLE)
-            program = {name: begun['program'][name] for name in ('lava_ros', 'model')}
-            for name, value in program.items():
-                _check_same(known['program'].get(name), value, folder, name)
-            for name in _COMMON:
-                _check_same(known.get(name), begun[name], folder, name)
+        if known := known_record(folder):
             begun |= {name: known.get(name) for name in ('begun', 'numerical_error')}
-        elif not is_usable(folder, known, identity):
-            raise LavaError('--output', str(folder), _USABLE)
         super().__init__(folder, begun)
         with refusing('--output', str(folder), 'a writable folder', OSError):
             self._members.mkdir(exist_ok=True)
@@ -129,7 +116,7 @@ class Store(RecordedFolder):
             for path in self._members.glob('*.npz'):
                 path.unlink()
         # the error was measured with other effects
-        self.put({**self._described(), 'numerical_error': None})
+        self.put({**_described(self.plan, **self._drawn), 'numerical_error': None})
 
     def write(self, footprint: Footprint) -> None:
         """Write a member.
@@ -174,28 +161,70 @@ class Store(RecordedFolder):
     def _path(self, index: int) -> Path:
         return _member_path(self.path, index)
 
-    def _described(self) -> dict[str, Any]:
-        """Return the description of the members, without which nothing can be read or added."""
-        plan = self.plan
-        elevation = np.ascontiguousarray(plan.scene.terrain.elevation)
-        plain = {
-            'scene': scene_to_dict(plan.scene),
-            'quantities': describe_inputs(plan.scene),
-            'elevation': hashlib.blake2b(elevation.tobytes(), digest_size=16).hexdigest(),
-            'plan': {
-                'horizon_s': plan.horizon,
-                'accuracy': asdict(plan.accuracy),
-                'forced': plan.forced,
-                'effects': asdict(plan.effects),
-                'switched_on': [asdict(item) for item in plan.switched_on],
-                'inundation_threshold_m': plan.threshold,
-                'looks': plan.samples,
-                'start_s': None if plan.start is None else plan.start.time,
-            },
-            **self._drawn,
-        }
-        # converted to the types with which it will be read
-        return dict(json.loads(json.dumps(plain)))
+
+def plan_in(
+    folder: Path, plan: Plan, *, seed: int = 0, susceptibility: Susceptibility | None = None,
+    parents: str | None = None,
+) -> Plan:
+    """Return the plan of the members in a folder, which a ``Store`` can use.
+
+    The arguments are those of ``Store``, and nothing is written. The plan has the effects that
+    sentinels have switched on in the folder.
+
+    Raises:
+        LavaError: If the folder contains another ensemble or other files.
+    """
+    known = _usable_record(folder)
+    plan = plan.switching_on(_switched_on(known))
+    if not known:
+        return plan
+    described = _described(plan, seed=seed, susceptibility=susceptibility, parents=parents)
+    for name, value in (('lava_ros', lava_ros.__version__), ('model', MODEL)):
+        _check_same(known['program'].get(name), value, folder, name)
+    for name in _COMMON:
+        _check_same(known.get(name), described[name], folder, name)
+    if known.get('parents') != parents:
+        problem = f'The members in {folder} were drawn near other members, or after another '
+        problem += 'observation'
+        remedy = 'Delete this folder, or choose another --output'
+        raise RefusalError('--posterior', problem, remedy)
+    return plan
+
+
+def _usable_record(folder: Path) -> dict[str, Any]:
+    """Read the description of an ensemble; empty for a folder that is new or empty."""
+    known = known_record(folder)
+    is_free = not known and is_usable(folder, known, '')
+    if not is_free and known.get('kind') != ENSEMBLE:
+        raise LavaError('--output', str(folder), _USABLE)
+    return known
+
+
+def _described(
+    plan: Plan, *, seed: int, susceptibility: Susceptibility | None, parents: str | None
+) -> dict[str, Any]:
+    """Return the description of members, without which nothing can be read or added."""
+    elevation = np.ascontiguousarray(plan.scene.terrain.elevation)
+    plain = {
+        'scene': scene_to_dict(plan.scene),
+        'quantities': describe_inputs(plan.scene),
+        'elevation': hashlib.blake2b(elevation.tobytes(), digest_size=16).hexdigest(),
+        'plan': {
+            'horizon_s': plan.horizon,
+            'accuracy': asdict(plan.accuracy),
+            'forced': plan.forced,
+            'effects': asdict(plan.effects),
+            'switched_on': [asdict(item) for item in plan.switched_on],
+            'inundation_threshold_m': plan.threshold,
+            'looks': plan.samples,
+            'start_s': None if plan.start is None else plan.start.time,
+        },
+        'seed': seed,
+        'susceptibility': None if susceptibility is None else susceptibility.digest,
+        'parents': parents,
+    }
+    # converted to the types with which it will be read
+    return dict(json.loads(json.dumps(plain)))
 
 
 def is_ensemble(path: str | Path) -> bool:
@@ -227,13 +256,13 @@ def ensemble_record(folder: Path) -> dict[str, Any]:
 
 
 def stored_spacing(folder: Path) -> float | None:
-    """Return the particle spacing of the members in a folder [m]; None without a description.
+    """Return the particle spacing of the members in a folder [m]; None for a new folder.
 
     Raises:
-        LavaError: If the description cannot be read.
+        LavaError: If the description cannot be read, or an ensemble cannot use the folder.
     """
-    known = known_record(folder)
-    if known.get('kind') != ENSEMBLE:
+    known = _usable_record(folder)
+    if not known:
         return None
     expected = 'the folder of an ensemble'
     with refusing('--output', str(folder), expected, KeyError, TypeError, ValueError):

@@ -25,6 +25,7 @@ from lava_ros.layers.forecast import occupancy
 from lava_ros.layers.numbers import area_words, duration
 from lava_ros.products.run_page import read_run
 from lava_ros.scene.features import load_features
+from lava_ros.simulation import Simulation
 
 MAPS = (
     'inundation_probability', 'expected_peak_thickness', 'arrival_time_p10', 'arrival_time_p50',
@@ -112,6 +113,36 @@ def test_barriers_are_compared_with_the_same_members(scene, lines, tmp_path):
     status, _, warned = lava(*words[:7], '3', *words[8:12])
     assert status == 0
     assert f'the maps in {out / "with_barriers"} and {out / "comparison"} are of 2' in warned
+    # other barriers are refused before the fourth member runs
+    record = (out / 'run.json').read_text()
+    status, _, error = lava(*words[:7], '4', *words[8:-1], '3min')
+    assert status == 2
+    assert 'scene.events[0].time is 180' in error
+    assert f'the members in {out / "with_barriers"}' in error
+    assert len(list((out / 'members').iterdir())) == 3
+    assert (out / 'run.json').read_text() == record
+
+
+@pytest.mark.parametrize(('words', 'named'), [
+    (('-o', 'full'), "--output is 'full'"),
+    (('-o', 'full/letter.txt/out'), "--output is 'full/letter.txt/out'"),
+    (('--scheduler', 'nowhere'), "--scheduler is 'nowhere'"),
+])
+@pytest.mark.parametrize('target', [(), ('--within', '1min')], ids=['preset', 'within'])
+def test_ensemble_is_refused_before_its_pilot_runs(
+    tmp_path, monkeypatch, target, words, named
+):
+    monkeypatch.chdir(tmp_path)
+    write_case(Path('valley'))
+    Path('full').mkdir()
+    Path('full/letter.txt').write_text('dear')
+    advance = Mock(side_effect=AssertionError('a simulation has begun'))
+    monkeypatch.setattr(Simulation, 'advancing', advance)
+    workers = () if '--scheduler' in words else ('--workers', '1')
+    error = refused(
+        'run', 'valley', '--members', '4', '--device', 'cpu', *workers, *target, *words
+    )
+    assert named in error and not advance.called
 
 
 @pytest.mark.parametrize('words', [(), ('--members', 1)], ids=['run', 'ensemble'])

@@ -262,8 +262,10 @@ def test_calibration_reports_near_best_sets(valley, tmp_path):
     assert best >= usual
     assert result['leave_one_out'] == []
     assert {item['unknown']['name'] for item in result['unknowns']} == {'viscosity', 'crust_cover'}
-    done(*words, '2')
+    _, _, said = lava(*words, '2')
     assert (tmp_path / 'out/runs.csv').read_text() == table
+    assert f'continuing with the 5 sets in {tmp_path / "out/runs.csv"}' in said
+    assert 'will be replaced' not in said
     output = refused(*words, '4')
     assert '--directions' in output and '2 as in' in output
     for more, named in (
@@ -275,6 +277,14 @@ def test_calibration_reports_near_best_sets(valley, tmp_path):
         output = refused(*words, '2', *more)
         assert named in output and 'the runs in' in output
     assert (tmp_path / 'out/runs.csv').read_text() == table
+
+
+@pytest.mark.parametrize('name', ['runs.csv', 'calibration.json', 'posterior.csv'])
+def test_calibration_checks_its_outputs_before_a_run(valley, tmp_path, name):
+    (tmp_path / 'out' / name).mkdir(parents=True)
+    (tmp_path / 'out/settings.json').write_text('{}')
+    error = refused('calibrate', valley[1], '--runs', '4', '-o', tmp_path / 'out')
+    assert f"--output is '{tmp_path / 'out' / name}', expected a writable file" in error
 
 
 @pytest.mark.parametrize('other', [['--seed', '7'], ['--runs', '8'], ['--runs', '4']])

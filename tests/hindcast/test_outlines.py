@@ -11,7 +11,7 @@ import shutil
 import numpy as np
 import pytest
 
-from command_line import done, lava, refused
+from command_line import done, refused
 from disc_flow import disc_fields, disc_plan, HORIZON
 from eruption import footprint, LAVA, write_case, write_grid
 from lava_ros.errors import LavaError
@@ -233,13 +233,16 @@ def test_ensemble_is_scored_at_each_outline_and_narrowed_by_the_first(mapped, tm
     assert '12 members drawn near' in text
     for folder in ('.', 'weighted', 'posterior_900s'):
         assert (tmp_path / 'out' / folder / 'reliability.png').stat().st_size > 5000
-    # the new members are kept, and those of another outline are not taken for them
-    assert json.loads(
-        (tmp_path / 'out/posterior_900s/run.json').read_text()
-    )['parents'] is not None
-    seen[1] = case / 'late.asc'
-    status, _, error = lava(*words, *seen)
-    assert status == 2 and 'parents is' in error and 'another folder' in error
+    # new members near others, or after another outline, are refused before any member runs
+    record = (tmp_path / 'out/run.json').read_text()
+    words[words.index('12')] = '13'
+    for observed in ('early.asc', 'late.asc'):
+        seen[1] = case / observed
+        error = refused(*words, *seen)
+        assert f'The members in {tmp_path / "out/posterior_900s"} were drawn near other' in error
+        words[words.index('--members') + 1] = '12'
+    assert len(list((tmp_path / 'out/members').iterdir())) == 12
+    assert (tmp_path / 'out/run.json').read_text() == record
 
 
 def cells(*values: int) -> np.ndarray:
