@@ -6,7 +6,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, MISSING
-from datetime import datetime
+from datetime import datetime, MAXYEAR, timezone
 import math
 import re
 from typing import Any, TypeVar
@@ -176,19 +176,27 @@ def flag(field: str, value: object) -> bool:
     return value
 
 
-def date(field: str, value: object, expected: str) -> datetime:
-    """Return text in ISO 8601 as a date and time, without a time zone if the text has none.
+def date(field: str, value: object, other: str = '') -> datetime:
+    """Return text in ISO 8601 as a date and time, in UTC unless it has another time zone.
+
+    Every date of files, options and parameters is read here.
 
     Raises:
-        LavaError: If it is not such text.
+        LavaError: If it is not such text. The error expects ``other`` or a date.
     """
     try:
         if not isinstance(value, str):
             raise ValueError
         # Python 3.10 cannot parse the Z
-        return datetime.fromisoformat(value.strip().upper().replace('Z', '+00:00'))
+        found = datetime.fromisoformat(value.strip().upper().replace('Z', '+00:00'))
+        found = found if found.tzinfo else found.replace(tzinfo=timezone.utc)
+        # local times of the first and the last day may have no year
+        if not 1 < found.year < MAXYEAR:
+            raise ValueError
     except ValueError:
+        expected = f'{other}a date such as 2021-09-19T14:10:00Z, in UTC unless it has a time zone'
         raise LavaError(field, value, expected) from None
+    return found
 
 
 def choice(field: str, value: object, allowed: Iterable[str]) -> str:

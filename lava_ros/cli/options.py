@@ -217,8 +217,8 @@ _SHARED = {item[0][0]: item for item in (
     ),
     argument(
         '--start', 'DATE', 'date of the start of the eruption, which is time 0: '
-        '2021-09-19T14:10:00Z; maps and tables then have dates (default: that of the run, if it '
-        'states one)', dest='eruption_start',
+        '2021-09-19T14:10:00Z, in UTC unless it has a time zone; maps and tables then have dates '
+        '(default: that of the run, if it states one)', dest='eruption_start',
     ),
     argument(
         '--threshold', 'M', 'thickness at which lava counts as arrived [m]; by default 0.1 m, or '

@@ -329,9 +329,9 @@ class Settings:
     )
     onset: str = _fixed(
         '',
-        'Date and time of the start of the simulation (simulated time 0), with its offset from '
-        'UTC: 2006-07-14T22:00Z; recorded in the bag, so that pages and files made of it have '
-        'dates; empty: unknown',
+        'Date and time of the start of the simulation (simulated time 0), in UTC unless it has '
+        'a time zone: 2006-07-14T22:00Z; recorded in the bag, so that pages and files made of it '
+        'have dates; empty: unknown',
     )
     record: bool = _fixed(False, 'Record, starting with the first terrain')
     bag_directory: str = _parameter(
@@ -428,7 +428,7 @@ def onset_value(text: str) -> str:
     one with seconds, unless the offset from UTC has seconds, too.
 
     Raises:
-        LavaError: If the text is not a date and time with its offset from UTC.
+        LavaError: If the text is not a date and time.
     """
     start = Onset.from_text(text, field='onset').start
     if start.second or start.microsecond:

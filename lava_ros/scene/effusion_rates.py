@@ -5,7 +5,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime, timezone
+from datetime import datetime
 from functools import partial
 from itertools import pairwise
 import logging
@@ -62,16 +62,6 @@ class RateTable(NamedTuple):
     origin: datetime | None = None
 
 
-def date_in_utc(label: str, text: object, other: str = '') -> datetime:
-    """Parse a date in ISO 8601, in UTC unless it has a time zone.
-
-    Raises:
-        LavaError: If it is not a date. The error names ``label``, and expects ``other`` or a date.
-    """
-    date = validation.date(label, text, f'{other}a date such as 2021-09-19T14:10:00Z')
-    return date if date.tzinfo else date.replace(tzinfo=timezone.utc)
-
-
 def _porosity(label: str, value: object) -> float:
     fraction = validation.number(label, value, at_least=0.0)
     if fraction >= 1.0:
@@ -81,7 +71,11 @@ def _porosity(label: str, value: object) -> float:
 
 #: Keys of the choices for reading a table, in a file, and checks of ``Options``.
 RATE_KEYS = Keys({
-    'start': Key(date_in_utc, 'Start of the eruption (ISO 8601), which is time 0', schema=DATE),
+    'start': Key(
+        validation.date,
+        'Date of the start of the eruption, which is time 0, in UTC unless it has a time zone',
+        schema=DATE,
+    ),
     'gaps': Key(
         partial(validation.choice, allowed=GAPS), 'Effusion rate in a time without data'
     ),
@@ -131,7 +125,7 @@ class Options:
     @property
     def origin(self) -> datetime | None:
         """Date of time 0, in UTC unless it has a time zone; None if it is not given."""
-        return None if self.start is None else date_in_utc('effusion_rate.start', self.start)
+        return None if self.start is None else validation.date('effusion_rate.start', self.start)
 
 
 def read_effusion_rates(
@@ -304,7 +298,7 @@ class _Clock:
             time = column.number(where, text)
         except LavaError:
             other = '' if column.is_date else 'a finite number, or '
-            date = date_in_utc(f'{where}, {column.header}', text, other)
+            date = validation.date(f'{where}, {column.header}', text, other)
         if self._is_date not in (None, date is not None):
             column.refuse(where, text, 'dates in all rows, or numbers in all')
         self._is_date = date is not None

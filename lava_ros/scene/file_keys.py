@@ -89,7 +89,10 @@ SCENE_KEYS = Keys({
     'vents': Key(list_of(_VENT.as_schema()), 'Points and lines at which lava is emitted'),
     'emplaced_flows': Key(list_of(FLOW_KEYS.as_schema()), 'Flows emplaced before the start'),
     'events': Key(list_of(SCENE_EVENT_KEYS.as_schema()), _EVENTS),
-    'onset': Key(DATE, 'Date and time of the start of the simulation: 2021-09-19T14:10:00Z'),
+    'onset': Key(
+        DATE, 'Date and time of the start of the simulation, in UTC unless it has a time zone: '
+        '2021-09-19T14:10:00Z',
+    ),
     **_SHARED,
 })
 

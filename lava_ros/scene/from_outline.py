@@ -110,11 +110,11 @@ def time_of_outline(where: str, value: object, start: float, onset: Onset | None
     """
     if not isinstance(value, str):
         return validation.number(where, value, unit='s') - start
-    date = Onset.from_text(value, field=where)
+    date = validation.date(where, value, 'a time [s], or ')
     if onset is None:
         expected = 'a time [s]; a date also needs the date of time 0, effusion_rate: {start: DATE}'
         raise LavaError(where, value, expected)
-    return (date.start - onset.start).total_seconds()
+    return (date - onset.start).total_seconds()
 
 
 def _emitted(series: Series, first: float, last: float) -> float:

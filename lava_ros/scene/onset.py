@@ -30,16 +30,12 @@ class Onset:
 
     @classmethod
     def from_text(cls, onset: str, *, field: str = '--start') -> 'Onset':
-        """Read a date and time in ISO 8601; errors name ``field``.
+        """Read a date and time in ISO 8601 (``validation.date``); errors name ``field``.
 
         Raises:
-            LavaError: If the text cannot be read, or has no offset from UTC.
+            LavaError: If the text cannot be read.
         """
-        expected = 'a date and time with its offset from UTC, such as 2006-07-14T22:00Z'
-        start = validation.date(field, onset, expected)
-        if start.tzinfo is None or start.year <= 1:
-            raise LavaError(field, onset, expected)
-        return cls(start)
+        return cls(validation.date(field, onset))
 
     @property
     def text(self) -> str:

@@ -282,8 +282,6 @@ def doubts_of_sea(
 def check_date(field: str, date: datetime, now: datetime | None = None) -> None:
     """Log a warning for a date of an eruption in the future, or more than 500 years ago."""
     now = now or datetime.now(timezone.utc)
-    if date.tzinfo is None:
-        date = date.replace(tzinfo=timezone.utc)
     if date > now + timedelta(days=1):
         text = f'{field} is {date:%Y-%m-%d}, after the date of the clock, {now:%Y-%m-%d}'
     elif date.year < now.year - 500:

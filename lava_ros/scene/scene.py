@@ -16,7 +16,6 @@ from lava_ros.effects import EFFECTS, possible
 from lava_ros.effects.effect import check_fields, join_names, number, with_fields
 from lava_ros.errors import LavaError
 from lava_ros.scene.distributions import Distribution
-from lava_ros.scene.effusion_rates import date_in_utc
 from lava_ros.scene.emplaced import EmplacedFlow, flow_to_dict
 from lava_ros.scene.events import check_same_grid, event_to_dict, TerrainEvent
 from lava_ros.scene.lava import Lava
@@ -226,7 +225,7 @@ def onset_from(label: str, known: Mapping[str, Any]) -> datetime | None:
         LavaError: If it is not a date. The error names ``label``.
     """
     text = known.get('onset')
-    return None if text is None else date_in_utc(f'{label}.onset', text)
+    return None if text is None else validation.date(f'{label}.onset', text)
 
 
 def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:

@@ -141,7 +141,7 @@ LINES = {
         'map BAG -o missing/map.png', "--output is 'missing/map.png'", 'a folder that exists'),
     'folder that is full': ('export BAG -o full', "output is 'full'", 'new or empty'),
     'date of another country': (
-        'map BAG -o a.png --start 14.07.2006', "--start is '14.07.2006'", 'as 2006-07-14T22:00Z'),
+        'map BAG -o a.png --start 14.07.2006', "--start is '14.07.2006'", 'in UTC unless'),
     'missing value with a unit': (
         'effects scene.yaml --nodata -9999m', "--nodata is '-9999m'", 'a number, or none'),
     'bag that is none': ('bag info scene.yaml', "bag is 'scene.yaml'", 'expected an MCAP file'),

@@ -112,7 +112,7 @@ def test_outline_of_the_vent_alone_has_no_length(mapped):
     ('[{time: "2021-09-24T12:00Z", file: early.asc}]', '', 'outlines[0].time',
      'effusion_rate: {start'),
     ('[{time: "24 September", file: early.asc}]', '2021-09-24T11:50Z', 'outlines[0].time',
-     'a date and time'),
+     'a date such as'),
     ('[{time: "2021-09-24T11:00Z", file: early.asc}]', '2021-09-24T11:50Z', 'outlines[0].time',
      'after the start'),
     ('[{time: 9000, file: early.asc}]\nend: 1800', '', 'outlines[0].time', 'before the end'),

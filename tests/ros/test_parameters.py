@@ -169,7 +169,7 @@ def test_rejects_wrong_values(changes, sentence):
 
 @pytest.mark.parametrize('text', [
     '2026-11-27T05:30:00Z', '2026-11-27T05:30Z', '2026-11-27T05:30:07Z',
-    '2026-11-27T05:30:07.5+01:00', '2026-11-27T05:30:00-09:30',
+    '2026-11-27T05:30:07.5+01:00', '2026-11-27T05:30:00-09:30', '2026-11-27T05:30', '2026-11-27',
 ])
 def test_onset_is_a_text_to_the_tools_of_ros(text):
     """``ros2 param load`` fails for all parameters if YAML reads one as a date."""

@@ -10,10 +10,13 @@ import pytest
 
 from command_line import refused
 from geodata import write_scene
+from lava_ros.cli.pages import dates_of
 from lava_ros.cli.parser import parse_command_line
 from lava_ros.cli.scenes import scene_from_arguments
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, scene_from_dict, scene_from_yaml, scene_to_dict, Terrain
+from lava_ros.scene.from_outline import time_of_outline
+from lava_ros.scene.onset import Onset
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.output.checkpoint import from_bytes
 
@@ -107,6 +110,45 @@ def test_start_that_contradicts_the_rates_of_the_file_is_refused(tmp_path):
     error = refused('effects', path, '--start', '2026-11-27T00:00Z')
     assert '--start is ' in error
     assert 'expected 2026-11-27T05:30:00Z, the time 0 of the effusion rates of' in error
+
+
+@pytest.mark.parametrize('text', ['2026-11-27T05:30', '2026-11-27 05:30:00', '27 November'])
+@pytest.mark.parametrize('where', [
+    'scene file', 'table', 'start of a table', '--start of a run', '--start of a page', 'outline',
+])
+def test_every_date_without_a_time_zone_is_in_utc(where, text, tmp_path):
+    def read() -> datetime:
+        if where == '--start of a page':
+            args = parse_command_line(['map', 'run', '-o', 'map.png', '--start', text])
+            return dates_of(args)['onset'].start
+        if where == 'outline':
+            seconds = time_of_outline('time', text, 0.0, Onset(ONSET - timedelta(hours=1)))
+            return ONSET + timedelta(seconds=seconds - 3600.0)
+        if where == '--start of a run':
+            path = write(tmp_path, [5.0])
+            args = parse_command_line(['effects', str(path), '--start', text])
+            return scene_from_arguments(args).onset
+        rates, table, more = [5.0], PLAIN, {'onset': text}
+        if where == 'table':
+            rates, table, more = [{'file': 'rates.csv'}], DATED.replace(START[:-4] + 'Z', text), {}
+        elif where == 'start of a table':
+            rates, more = [{'file': 'rates.csv', 'start': text}], {}
+        return scene_from_yaml(write(tmp_path, rates, table, **more)).onset
+
+    if text == '27 November':
+        with pytest.raises(LavaError) as caught:
+            read()
+        assert (caught.value.value, caught.value.expected.rpartition('or ')[2]) == (
+            text, 'a date such as 2021-09-19T14:10:00Z, in UTC unless it has a time zone'
+        )
+    else:
+        assert read() == ONSET
+
+
+@pytest.mark.parametrize('text', ['0001-01-01T00:00Z', '9999-12-31T23:59Z'])
+def test_dates_at_the_limits_of_the_calendar_are_refused(text):
+    with pytest.raises(LavaError, match='expected a date such as'):
+        Onset.from_text(text)
 
 
 def test_checkpoint_keeps_the_onset():

@@ -13,6 +13,7 @@ import yaml
 
 from command_line import lava
 from geodata import write_raster, write_scene
+from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.scene import scene_from_dict, scene_from_yaml, Terrain
 from lava_ros.scene.materials import materials
@@ -320,7 +321,7 @@ def test_user_may_insist(tmp_path):
 ])
 def test_dates_are_compared_with_the_clock(date, words, caplog):
     now = datetime(2026, 6, 1, tzinfo=timezone.utc)
-    check_date('--start', datetime.fromisoformat(date), now)
+    check_date('--start', validation.date('--start', date), now)
     assert words in caplog.text if words else not caplog.text
 
 
