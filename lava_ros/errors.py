@@ -29,7 +29,10 @@ MAX_INTEGER_BITS = 1024
 
 
 class Typed(float):
-    """A number with the text that a user typed, which errors show."""
+    """A number with the text that a user typed, which errors show.
+
+    The text of a number that was typed in another unit has that unit: 5min, 500 Celsius.
+    """
 
     __slots__ = ('text',)
 
@@ -40,6 +43,11 @@ class Typed(float):
         self = super().__new__(cls, value)
         self.text = text.strip()
         return self
+
+    @property
+    def has_unit(self) -> bool:
+        """True if the text has a unit."""
+        return self.text[-1:].isalpha()
 
 
 class LavaError(ValueError):

@@ -16,7 +16,7 @@ from typing import Any, TYPE_CHECKING
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, Progress, write_json
 from lava_ros.cli.options import argument, command, output_option
-from lava_ros.errors import LavaError, RefusalError, refusing
+from lava_ros.errors import LavaError, RefusalError, refusing, Typed
 from lava_ros.files import file_to_write, writable_file
 
 if TYPE_CHECKING:
@@ -232,14 +232,14 @@ def _interval(item: Finding) -> dict[str, Any]:
 
 
 def _chosen(texts: Sequence[str]) -> tuple[tuple[str, ...], dict[str, tuple[float, float]]]:
-    names, ranges = [], {}
+    names, ranges = list[str](), dict[str, tuple[float, float]]()
     for text in texts:
         name, has_range, span = text.partition('=')
         name = {'effusion_rate': 'discharge'}.get(name, name)
         names.append(name)
         if has_range:
             try:
-                low, high = (float(part) for part in span.split(':'))
+                low, high = (Typed(float(part), part) for part in span.split(':'))
             except ValueError:
                 raise LavaError('--unknown', text, 'NAME or NAME=LOW:HIGH') from None
             ranges[name] = (low, high)
@@ -265,7 +265,7 @@ def _until(text: str | None, cases: Sequence[Case]) -> dict[str, float]:
     until = {}
     for case in cases:
         try:
-            value: object = float(text)
+            value: object = Typed(float(text), text)
         except ValueError:
             value = text
         until[case.name] = time_of_outline('--fit-until', value, case.start, case.onset)

@@ -11,7 +11,7 @@ import re
 from typing import Any, NamedTuple
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, Typed
 from lava_ros.simulation.carriers import METHOD_CHOICES, METHOD_MEANING, METHODS
 
 #: Presets and the default one, as in ``simulation.presets``, which is slow to import.
@@ -262,7 +262,7 @@ def device_named(name: str | None, method: str = METHODS[0]) -> str:
 
 
 def seconds_of(field: str, text: str, *, may_be_zero: bool = False) -> float:
-    """Convert a number with a unit, by default s, to a time [s].
+    """Convert a number with a unit, by default s, to a time [s], of which errors show the text.
 
     Raises:
         LavaError: If the text is not a finite time > 0 (>= 0 with ``may_be_zero``). The error
@@ -279,7 +279,7 @@ def seconds_of(field: str, text: str, *, may_be_zero: bool = False) -> float:
     seconds = number * UNITS[match[2] or 's']
     if math.isinf(seconds):
         raise LavaError(field, text, 'a finite time')
-    return seconds
+    return Typed(seconds, text)
 
 
 def formats(shapes: str, default: tuple[str, ...] | None) -> Argument:

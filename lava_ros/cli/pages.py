@@ -8,6 +8,7 @@ from typing import Any
 
 from lava_ros import validation
 from lava_ros.cli.options import argument
+from lava_ros.errors import LavaError, Typed
 
 #: A run on disk, and several.
 _TEXT = 'folder of a run or of an ensemble, bag directory, or .mcap file'
@@ -60,6 +61,10 @@ def _extent(values: list[float]) -> list[float]:
 def _scale(text: str) -> float:
     from lava_ros.products.sheet import MAX_SCALE, MIN_SCALE
 
-    return validation.number(
-        '--scale', text.strip().removeprefix('1:'), at_least=MIN_SCALE, at_most=MAX_SCALE
-    )
+    try:
+        found = validation.number(
+            '--scale', text.strip().removeprefix('1:'), at_least=MIN_SCALE, at_most=MAX_SCALE
+        )
+    except LavaError as error:
+        raise LavaError('--scale', text, f'1:N with N {error.expected}') from None
+    return Typed(found, text)

@@ -9,7 +9,7 @@ from typing import Any
 
 from lava_ros import validation
 from lava_ros.cli.options import seconds_of
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, Typed
 from lava_ros.forecast.planning import plan_runs, RunPlan
 from lava_ros.scene import Scene
 
@@ -29,7 +29,7 @@ def target_of(args: argparse.Namespace) -> dict[str, float]:
             )
         except LavaError as error:
             raise LavaError('--error', args.error, error.expected) from None
-        return {'error': 0.01 * number}
+        return {'error': Typed(0.01 * number, args.error)}
     return {}
 
 
@@ -60,8 +60,7 @@ def planned(
     except LavaError as error:
         if error.field not in target:
             raise
-        value = error.value if error.field == 'within' else f'{100.0 * target["error"]:g}%'
-        raise LavaError(f'--{error.field}', value, error.expected) from None
+        raise error.named(f'--{error.field}') from None
     spacing = f'{"cells of" if method == "cells" else "spacing"} {found.spacing:.3g} m'
     print(f'plan: preset {found.preset}, {spacing}')
     return found

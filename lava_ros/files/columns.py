@@ -147,7 +147,10 @@ class Column:
         is_converted = (self.factor, self.offset) != (1.0, 0.0)
         limits = {name: (one - self.offset) / self.factor for name, one in limits.items()}
         found = validation.number(label, value, **limits, unit='' if is_converted else unit)
-        return found * self.factor + self.offset if is_converted else found
+        if not is_converted:
+            return found
+        unit = 'Celsius' if self.offset else self.unit
+        return Typed(found * self.factor + self.offset, f'{value} {unit}')
 
     def refuse(self, where: str, value: object, expected: str) -> NoReturn:
         """Raise LavaError for a value, with ``where`` and the header."""

@@ -96,10 +96,11 @@ def free_parameters_of(
             expected = f'a range, {name}=LOW:HIGH; none has been published for this material'
             raise LavaError('--unknown', name, expected)
         is_log = name in LOGARITHMIC
-        low = validation.number(f'{name}, lowest', span[0], at_least=_LOWEST.get(name, 0.0))
-        high = validation.number(f'{name}, highest', span[1], above=low)
+        lowest, highest = (f'--unknown {name}, {end}' for end in ('lowest', 'highest'))
+        low = validation.number(lowest, span[0], at_least=_LOWEST.get(name, 0.0))
+        high = validation.number(highest, span[1], above=low)
         if is_log:
-            validation.number(f'{name}, lowest', low, above=0.0)
+            validation.number(lowest, low, above=0.0)
         usual = _usual(case, name)
         result.append(FreeParameter(name, UNITS[name], low, high, usual, source, is_log))
     return tuple(result)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, Typed
 from lava_ros.files.pictures import new_figure, read_picture, save_picture
 from lava_ros.layers.frame import Frame
 from lava_ros.products import overlays as overlay_files
@@ -239,7 +239,7 @@ def _at_scale(bounds: Window, scale: float, size: tuple[float, float]) -> Window
     if spans[0] > sides[0] or spans[1] > sides[1]:
         least = max(span / (0.0254 * length) for span, length in zip(spans, size, strict=True))
         raise LavaError(
-            '--scale', f'1:{scale:g}',
+            '--scale', scale if isinstance(scale, Typed) else f'1:{scale:g}',
             f'1:{math.ceil(least)} or smaller, so that lava and places, or the extent, fit on A4',
         )
     x, y = 0.5 * (bounds[0] + bounds[2]), 0.5 * (bounds[1] + bounds[3])

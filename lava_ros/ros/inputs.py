@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 
 from lava_ros import validation
 from lava_ros.bag.decoding import cloud_columns, image_array
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, Typed
 from lava_ros.forecast.assimilation import Mask
 from lava_ros.layers.layer import ZERO_CELSIUS
 from lava_ros.ros import codec
@@ -347,7 +347,8 @@ def _vent(
     validation.number(
         f"vent '{name}'.temperature", celsius, at_least=minimum, at_most=maximum, unit='Celsius'
     )
-    return Vent(place, discharge, celsius + ZERO_CELSIUS, radius=radius, name=name, **options)
+    kelvin = Typed(celsius + ZERO_CELSIUS, f'{celsius} Celsius')
+    return Vent(place, discharge, kelvin, radius=radius, name=name, **options)
 
 
 def _check_message(name: str, header: Header, settings: Settings, data: Any = b'') -> None:

@@ -273,8 +273,8 @@ class _Row(NamedTuple):
     def time(self, number: int) -> str | float:
         """Return its first (0) or last (-1) time as in the table, or in seconds if that is it."""
         seconds = self.start if number == 0 else self.end
-        is_as_typed = isinstance(seconds, Typed) or not self.typed
-        return seconds if is_as_typed else self.typed[number]
+        are_seconds = isinstance(seconds, Typed) and not seconds.has_unit
+        return seconds if are_seconds or not self.typed else self.typed[number]
 
     def words(self, number: int) -> str:
         """Return a time as ``time``, with its unit if it is in seconds."""

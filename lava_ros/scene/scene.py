@@ -114,7 +114,8 @@ class Scene:
         """Raise LavaError if lava of a temperature is solid or too viscous to erupt."""
         if temperature <= self.lava.solidus:
             expected = f'above lava.solidus, {self.lava.solidus:g} K: colder lava is solid'
-            expected += f' ({temperature:g} Celsius are {temperature + KELVIN:g} K)'
+            if not getattr(temperature, 'has_unit', False):
+                expected += f' ({temperature:g} Celsius are {temperature + KELVIN:g} K)'
             raise LavaError(f'{name}.temperature', temperature, expected)
         viscosity = self.lava.viscosity_at(temperature)
         if viscosity > MAX_VENT_VISCOSITY:

@@ -3,6 +3,7 @@
 
 """`lava run --members`: maps from a scene file, resumed runs, barriers and errors."""
 
+from argparse import Namespace
 import json
 from pathlib import Path
 from unittest.mock import Mock
@@ -19,6 +20,7 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder, read_grid
 from lava_ros.bag.recorded_node import described_node, RecordedNode
 from lava_ros.cli.options import seconds_of
+from lava_ros.cli.planned import target_of
 from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
 from lava_ros.layers.forecast import occupancy
@@ -359,6 +361,14 @@ def test_parses_times_with_and_without_units():
     for text in ('', '6 hours', '0h', '-1h', 'nan', '1h30'):
         with pytest.raises(LavaError, match='--until'):
             seconds_of('--until', text)
+
+
+@pytest.mark.parametrize(('name', 'text'), [
+    ('within', '5min'), ('within', '1e1h'), ('within', ' 90 '), ('error', '1e1%'), ('error', '5'),
+])
+def test_errors_show_a_target_as_it_was_typed(name, text):
+    found = target_of(Namespace(**{'within': None, 'error': None, name: text}))
+    assert str(LavaError('it', found[name], 'more')) == f'it is {text.strip()}, expected more'
 
 
 def test_ensemble_of_a_case_is_scored(tmp_path):

@@ -51,6 +51,12 @@ LINES = {
         'run scene.yaml --runs 4', '--runs has no effect without', 'folder of a mapped eruption'),
     'two targets': (
         'run scene.yaml --within 60s --error 10%', '--within and --error exclude', 'Leave out'),
+    'time in a list': (
+        'effects scene.yaml --terrain-at 5min ground.npz --terrain-at 4min ground.npz',
+        '--terrain-at[1].time is 4min', 'after the event before'),
+    'fraction of a scale': ('map BAG -o a.png --scale 1:2,5', "--scale is '1:2,5'", '1:N with N'),
+    'scale that is too large': (
+        'map BAG -o a.png --scale 1:2e1', '--scale is 1:2e1', 'fit on A4'),
     'error above all': (
         'run scene.yaml --error 200%', "--error is '200%'", 'at most 100'),
     'option of an animation': (
@@ -207,6 +213,12 @@ EDITS = {
         'vents.csv', 'x,y,q\n', '', 'number of lines in vents.csv is 1', 'names of columns'),
     'negative rate in a table': (
         'vents.csv', ',9', ',-9', 'vents.csv, line 2, q is -9', 'at least 0 m3/s'),
+    'solid lava in another unit': (
+        'vents.csv', 'q\n365300,7650400,9', 'q,temperature_c\n365300,7650400,9,5e2',
+        'temperature is 5e2 Celsius, expected above lava.solidus', ' K: colder lava is solid'),
+    'solid lava in kelvin': (
+        'vents.csv', 'q\n365300,7650400,9', 'q,temperature\n365300,7650400,9,8e2',
+        'temperature is 8e2, expected above lava.solidus', '(800 Celsius are 1073.15 K)'),
     'word in a table': (
         'vents.csv', ',9', ',nine', "vents.csv, line 2, q is 'nine'", 'a finite number'),
     'row that is too short': (

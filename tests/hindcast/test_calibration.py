@@ -197,8 +197,8 @@ def test_raises_for_invalid_unknowns(etna, tmp_path):
     bare = load_case(tmp_path / 'valley', material='kedadry2023')
     for case, names, ranges, words in (
         (etna, ('colour',), {}, '--unknown'),
-        (etna, ('emissivity',), {'emissivity': (0.9, 0.3)}, 'emissivity, highest'),
-        (etna, ('viscosity',), {'viscosity': (0.0, 1e3)}, 'viscosity, lowest'),
+        (etna, ('emissivity',), {'emissivity': (0.9, 0.3)}, '--unknown emissivity, highest'),
+        (etna, ('viscosity',), {'viscosity': (0.0, 1e3)}, '--unknown viscosity, lowest'),
         (bare, (), {}, 'no published ranges'),
         (bare, ('emissivity',), {}, 'none has been published'),
     ):

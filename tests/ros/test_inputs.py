@@ -197,6 +197,8 @@ def _vents(*changes, **extra):
 def test_cloud_becomes_vents():
     first, second = inputs.vents_from_cloud(_vents({}, {'x': 9.0}), RULES)
     assert first == Vent((1.0, 2.0), 5.0, temperature=1373.15, radius=8.0, name='vent 0')
+    # errors of later checks have the unit of the message
+    assert 'is 1100.0 Celsius, expected' in str(LavaError('it', first.temperature, 'hotter lava'))
     assert (second.position, second.name) == ((9.0, 2.0), 'vent 1')
     numbers = 7.0, 0.5, 16777215.0, 16777216.0
     vents = inputs.vents_from_cloud(_vents(*({'id': number} for number in numbers)), RULES)
