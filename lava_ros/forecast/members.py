@@ -29,6 +29,7 @@ from lava_ros.scene import Scene, Terrain
 from lava_ros.scene.ranges import with_ranges
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.output.inundation import TOUCHED
 from lava_ros.simulation.resolution import resolved_accuracy
 from lava_ros.simulation.selection import effects_for
 
@@ -56,6 +57,8 @@ class Plan:
         forced: Effects that the user forces on or off, by name. If None, sentinels do not review
             the effects.
         switched_on: Effects that are on because sentinels have called for them.
+        covered: Fraction of each cell that lava had covered before the start, float32, shape
+            [rows, columns]; None for no more than the lava of the scene covers.
     """
 
     scene: Scene
@@ -66,6 +69,7 @@ class Plan:
     start: Checkpoint | None = None
     forced: Mapping[str, bool] | None = None
     switched_on: tuple[CalledEffect, ...] = ()
+    covered: np.ndarray | None = None
 
     @property
     def threshold(self) -> float:
@@ -150,6 +154,35 @@ class MemberFields:
         )
         arrival[rows, columns], inundated[rows, columns] = self.arrival, self.inundated
         return arrival, inundated
+
+    def with_covered(self, covered: np.ndarray) -> 'MemberFields':
+        """Return the fields with the lava that had covered parts of cells before the start.
+
+        Args:
+            covered: Fraction of each cell of the terrain, float32, shape [rows, columns].
+        """
+        touched = np.argwhere(covered >= TOUCHED)
+        if not len(touched):
+            return self
+        corner = np.minimum(self.corner, touched.min(axis=0))
+        ends = np.maximum(np.add(self.corner, self.arrival.shape), touched.max(axis=0) + 1)
+        part = covered[corner[0] : ends[0], corner[1] : ends[1]]
+        own = np.subtract(self.corner, corner)
+        pads = list(zip(own, ends - corner - own - self.arrival.shape, strict=True))
+
+        def on_part(values: np.ndarray, elsewhere: float) -> np.ndarray:
+            return np.pad(values, pads, constant_values=elsewhere)
+
+        return replace(
+            self,
+            arrival=np.where(part >= TOUCHED, np.float32(0.0), on_part(self.arrival, np.nan)),
+            half_inundated=np.where(
+                part >= 0.5, np.float32(0.0), on_part(self.half_inundated, np.nan)
+            ),
+            inundated=np.maximum(on_part(self.inundated, 0.0), part),
+            peak=on_part(self.peak, 0.0),
+            corner=(int(corner[0]), int(corner[1])),
+        )
 
 
 def make_plan(
@@ -368,7 +401,7 @@ class _MemberSink(PeakSink):
     ) -> None:
         start = simulation.time
         self._index, self._start = member.index, start
-        self._forced = plan.forced or {}
+        self._forced, self._covered = plan.forced or {}, plan.covered
         self._called: tuple[CalledEffect, ...] = ()
         is_reviewed = plan.forced is not None and is_sentinel(member.index)
         self._reviews: tuple[float, ...] = REVIEWS if is_reviewed else ()
@@ -406,10 +439,11 @@ class _MemberSink(PeakSink):
         budget = simulation.budget()
         lost = budget.lost - budget.lost_in_sea
         left = min(max(lost / max(budget.emitted, 1e-9), 0.0), 1.0)
-        return MemberFields(
+        fields = MemberFields(
             self._index, arrival, half_inundated, np.nan_to_num(seen.inundated),
             np.nan_to_num(seen.thickness), left, seen.corner, self._called,
         )
+        return fields if self._covered is None else fields.with_covered(self._covered)
 
 
 def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':

@@ -38,14 +38,21 @@ def plan_of(case: Case, settings: Settings, *, threshold: float | None = None) -
         raise RefusalError('case.events', problem, 'Remove the events from the case')
     scene = with_ranges(case.scene)
     typical = replace(case, scene=median_scene(scene))
-    return make_plan(
-        replace(scene, terrain=coarsened(scene.terrain, settings.coarseness(typical))),
+    factor = settings.coarseness(typical)
+    plan = make_plan(
+        replace(scene, terrain=coarsened(scene.terrain, factor)),
         horizon=case.duration,
         accuracy=settings.accuracy(typical),
         effects=settings.effects,
         threshold=threshold,
         samples=max(settings.maps, MAX_SAMPLES) if case.outlines else settings.maps,
     )
+    if case.initial is None:
+        return plan
+    # members count the outline as the maps of a run do (hindcast.run.shown_on)
+    known = np.where(scene.terrain.has_data, case.initial, np.nan)
+    covered = coarsened(replace(scene.terrain, elevation=known), factor).elevation
+    return replace(plan, covered=np.nan_to_num(covered).astype(np.float32))
 
 
 def mapped_on(case: Case, plan: Plan) -> np.ndarray:

@@ -14,14 +14,17 @@ import rasterio
 from command_line import done
 from lava_ros.cli.ensemble_report import score_against_case
 from lava_ros.errors import LavaError
-from lava_ros.forecast.probability import Footprint, NEVER
+from lava_ros.forecast.members import run_members
+from lava_ros.forecast.probability import EnsembleAccumulator, Footprint, footprint_of, NEVER
+from lava_ros.forecast.sampling import Member
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import FALSE_ALARM, HIT, MISS
-from lava_ros.hindcast.probabilistic_score import plan_of
+from lava_ros.hindcast.probabilistic_score import plan_of, start_on
 from lava_ros.hindcast.replicates import directions
 from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.hindcast.score import refer, score_outlines
 from lava_ros.scene.emplaced import profile_of
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.output.inundation import TOUCHED
 
 CELL, ROWS, COLUMNS = 10.0, 40, 80
@@ -142,6 +145,26 @@ def test_ensemble_that_starts_from_an_outline_is_compared_with_its_persistence(f
     # the outline of 4000 s lacks 100 of the 420 cells of 6000 s
     assert date['brier_persistence'] == pytest.approx(100.0 / 420.0)
     assert date['brier_skill_persistence'] == 1.0
+
+
+@pytest.mark.parametrize('method', METHODS)
+@pytest.mark.parametrize('spacing', [10.0, 20.0])
+def test_members_count_the_outline_of_the_start_as_their_hindcast_does(folder, method, spacing):
+    # most of the lava in the outline is solid, and the rest is thinner than the threshold
+    case = load_case(folder, from_outline=2000, solidified=0.98)
+    settings = Settings('draft', spacing=spacing, device='cpu', maps=1, method=method)
+    snapshot, plan = simulate(case, settings).snapshot, plan_of(case, settings)
+    (member,) = run_members(plan, [Member(1)], device='cpu')
+    start, (arrival, inundated) = start_on(case, plan), member.on(plan.scene.terrain.shape)
+    assert start.sum() * plan.scene.terrain.resolution**2 == 220 * CELL**2
+    assert not arrival[start].any() and (inundated[start] >= 0.5).all()
+    area = inundated.sum() * plan.scene.terrain.resolution**2
+    assert area == pytest.approx(snapshot.area(snapshot.inundated), rel=0.05)
+    tally = EnsembleAccumulator(plan)
+    tally.add(footprint_of(member, plan))
+    maps = tally.maps()
+    assert (maps.probability[start] == 100.0).all()
+    assert maps.areas(plan.scene.terrain.resolution)[0.5] == pytest.approx(area, rel=0.01)
 
 
 @pytest.mark.parametrize('words', [[], ['--from-outline', '2000'],
