@@ -96,7 +96,8 @@ def calibrate(args: argparse.Namespace) -> int:
     kept, asked = sorted(stated - {*moved}), sorted(stated & {*moved})
     until = _until(args.fit_until, cases)
     args.method, args.device = settle_method(
-        args.method, args.device, cases[0].scene, cases[0].duration, {}, args.preset
+        args.method, args.device, cases[0].scene, cases[0].duration, Settings().effects,
+        args.preset,
     )
     settings = Settings(args.preset, args.spacing, args.device, method=args.method)
     output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))

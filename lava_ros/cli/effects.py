@@ -48,7 +48,7 @@ def effects(args: argparse.Namespace) -> int:
     of a mapped eruption are those of its run, to the end of the eruption.
     """
     from lava_ros.cli.scenes import case_from_arguments, scene_from_arguments
-    from lava_ros.hindcast.run import Settings
+    from lava_ros.hindcast.run import Settings, simulated_scene
     from lava_ros.simulation.presets import preset_accuracy
     from lava_ros.simulation.resolution import resolution_of
     from lava_ros.simulation.selection import decide
@@ -57,8 +57,8 @@ def effects(args: argparse.Namespace) -> int:
     case = case_from_arguments(args, effects.arguments)
     if case is not None:
         settings = Settings(args.preset, forced=forced)
-        scene, horizon, forced = case.scene, case.duration, settings.effects
-        accuracy = settings.accuracy(case)
+        scene = simulated_scene(case, settings.coarseness(case))
+        horizon, forced, accuracy = case.duration, settings.effects, settings.accuracy(case)
     else:
         horizon = seconds_of('--until', args.until or HORIZON)
         scene = scene_from_arguments(args)

@@ -14,6 +14,7 @@ from lava_ros.cli.planned import target_of
 from lava_ros.cli.scene_options import is_case
 from lava_ros.cli.scenes import settle_method, source_of
 from lava_ros.errors import LavaError
+from lava_ros.hindcast.run import Settings
 from lava_ros.scene import Scene
 from lava_ros.scene.source import SceneSource
 
@@ -40,7 +41,7 @@ class RunOptions:
         preset: Preset of the accuracy.
         spacing: Particle spacing [m]; None for that of the preset.
         target: Wall time or error to stay below (``planned.target_of``); empty for neither.
-        forced: Effects forced on or off, by name.
+        forced: Effects forced on or off, by name; of a case with those that are off by default.
         threshold: Thickness at or above which lava has arrived [m]; None for the automatic one.
         device: Warp device; None for the first GPU, or the CPU without one.
         output: The folder; None for an unused one in ``runs/``.
@@ -102,6 +103,10 @@ def run_options(args: argparse.Namespace, preset: str) -> RunOptions:
         validation.number('--threshold', args.threshold, above=0.0, unit='m')
     if not args.barriers and args.barriers_at is not None:
         raise validation.dependence('--barriers-at', '--barriers')
+    forced = forced_effects(args)
+    if is_case(args):
+        # every choice of the command, such as that of the method, is for the effects of the run
+        forced = Settings(forced=forced).effects
     names = {item.name for item in fields(RunOptions)}
     unchanged = {name: value for name, value in vars(args).items() if name in names}
     return RunOptions(**unchanged | {
@@ -113,7 +118,7 @@ def run_options(args: argparse.Namespace, preset: str) -> RunOptions:
         'at': _times(args.at, until, args.until or HORIZON),
         'preset': args.preset or preset,
         'target': target_of(args),
-        'forced': forced_effects(args),
+        'forced': forced,
         'output': None if args.output is None else Path(args.output),
         'built': seconds_of('--barriers-at', args.barriers_at or '0', may_be_zero=True),
         'members': args.members or 0,

@@ -15,6 +15,7 @@ from command_line import done, lava, refused
 from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case, write_case_in_degrees
 from lava_ros.bag import BagReader
 from lava_ros.bag.recorded_node import described_node, RecordedNode
+from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import _constants, FALSE_ALARM, HIT, MISS
 from lava_ros.hindcast.run import INTEGRATOR
@@ -428,6 +429,33 @@ def test_effects_of_a_case_are_those_of_its_run(valley, tmp_path):
                       for rows in (ran, found['effects']))
     assert rows == expected
     assert {row['effect'] for row in rows if row['forced']} >= {'helmholtz', 'inertia'}
+
+
+def test_effects_of_a_case_are_measured_on_the_cells_of_its_run(valley, monkeypatch):
+    def measured(scene, *_):
+        raise LavaError('cell', scene.terrain.resolution, 'the end')
+
+    monkeypatch.setattr('lava_ros.cli.effects._measured', measured)
+    monkeypatch.setattr('lava_ros.hindcast.run.Settings.coarseness', lambda *_: 2)
+    error = refused('effects', valley[1], '--preset', 'draft', '--measure')
+    assert f'cell is {2.0 * CELL}, expected the end' in error
+
+
+@pytest.mark.parametrize('words', [
+    'plan --error 60%', 'run', 'run --members 1 --workers 1',
+    'calibrate --runs 4 --unknown density',
+])
+def test_every_command_chooses_the_method_of_a_case_for_the_effects_of_its_run(
+    tmp_path, monkeypatch, words
+):
+    monkeypatch.chdir(tmp_path)
+    # fluid lava would need inertia, which cells lack and runs of cases have switched off
+    case = write_case(tmp_path / 'valley', hours=0.2, yaml='lava: {viscosity: 300}\n')
+    command, *more = words.split()
+    if command != 'plan':
+        more += ['--preset', 'draft']
+    output = done(command, case, '--method', 'auto', '--device', 'cpu', *more)
+    assert 'method: cells, because the lava does not freeze' in output
 
 
 @pytest.mark.parametrize('command', ['plan', 'effects'])
