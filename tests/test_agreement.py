@@ -138,9 +138,9 @@ def test_eruption_solidifies_drains_and_still_flows(run):
     assert ((run.arrival > 0.0) & (run.arrival < 600.0)).any() and np.nanmax(run.arrival) > 1500.0
 
 
-def area_of_features(path: Path) -> float:
-    """Return the area that the last feature of a GeoJSON file states [m2]."""
-    return json.loads(path.read_text())['features'][-1]['properties']['area_m2']
+def area_of_features(path: Path, name: str) -> float:
+    """Return the area of a name that the last feature of a GeoJSON file states [m2]."""
+    return json.loads(path.read_text())['features'][-1]['properties'][name]
 
 
 def tag_of(path: Path, name: str) -> float:
@@ -178,7 +178,7 @@ AREAS = {
     'tag of the exported map': lambda run: tag_of(run.maps / 'inundated.tif', 'inundated_area_m2'),
     'layer of the bag': lambda run: run.bag.inundated.sum(dtype=float) * CELL**2,
     'diagnostics': lambda run: float(run.bag.diagnostics['inundated_area_m2']),
-    'outline': lambda run: area_of_features(run.maps / 'outline.geojson'),
+    'outline': lambda run: area_of_features(run.maps / 'outline.geojson', 'inundated_area_m2'),
     'frame': lambda run: (lambda frame: frame.area(frame.inundated))(frame_of(run)),
     'places': lambda run: place_areas(run)[1],
 }
@@ -215,7 +215,8 @@ def test_cells_and_times_are_the_same_in_all_outputs(run):
     codes = read_tif(run.out / 'comparison.tif')
     np.testing.assert_array_equal((codes == HIT) | (codes == FALSE_ALARM), footprint)
     assert run.score['hits'] + run.score['false_alarms'] == footprint.sum()
-    assert area_of_features(run.maps / 'isochrones.geojson') == reached.sum() * cell
+    isochrones = run.maps / 'isochrones.geojson'
+    assert area_of_features(isochrones, 'cells_area_m2') == reached.sum() * cell
     peaks = [read_tif(folder / 'peak_thickness.tif') for folder in (run.out, run.maps)]
     np.testing.assert_array_equal(*peaks)
     np.testing.assert_array_equal(peaks[0] >= np.float32(0.1), reached)
@@ -383,11 +384,11 @@ def test_ensemble_is_the_same_in_all_outputs(run, ensemble):
     features = json.loads((ensemble.out / 'inundation_probability.geojson').read_text())
     for item in features['features']:
         at_least = item['properties']['probability_percent']
-        assert item['properties']['area_m2'] == (probability >= at_least).sum() * CELL**2
+        assert item['properties']['cells_area_m2'] == (probability >= at_least).sum() * CELL**2
     features = json.loads((ensemble.out / 'arrival_time_p50.geojson').read_text())['features']
     for item in features:
         by_then = tifs['arrival_time_p50'] <= item['properties']['time_s']
-        assert item['properties']['area_m2'] == by_then.sum() * CELL**2
+        assert item['properties']['cells_area_m2'] == by_then.sum() * CELL**2
     done('map', ensemble.out, '-o', run.folder / 'e.png', '--json', run.folder / 'e.json')
     shown = json.loads((run.folder / 'e.json').read_text())
     for name, area in ensemble.report['area_m2'].items():

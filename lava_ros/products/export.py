@@ -305,18 +305,18 @@ def _shapes(
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the outline and the isochrones as layers of features.
 
-    The outline surrounds the footprint so far, with the inundated area; the cells that lava has
-    reached in the maps for another threshold; or the standing lava if the bag has no thickness.
+    The outline surrounds the footprint so far, and states the inundated area; the cells that lava
+    has reached in the maps for another threshold; or standing lava if the bag has no thickness.
     """
-    cells, part, name = frame.footprint, frame.inundated, 'inundated area'
-    threshold = frame.threshold
+    cells, name, threshold = frame.footprint, 'inundated area', frame.threshold
+    known: dict[str, float] = {}
     if history.times is not None and (cells is None or history.threshold != threshold):
         cells, threshold = reached_cells(history.times), history.threshold
-        part = cells
-    if cells is None or part is None:
-        cells = part = frame.standing
-        name = 'standing lava'
-    known = {'inundation_threshold_m': threshold, 'area_m2': frame.area(part)}
+    elif frame.inundated is not None:
+        known = {'inundated_area_m2': frame.area(frame.inundated)}
+    if cells is None:
+        cells, name = frame.standing, 'standing lava'
+    known['inundation_threshold_m'] = threshold
     layers = {'outline': gis.area(cells, terrain, shows=name, **known)}
     if 'arrival' in newest:
         layers['isochrones'] = gis.isochrones(

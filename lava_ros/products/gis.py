@@ -140,7 +140,7 @@ def area(cells: np.ndarray, terrain: Terrain, **properties: Any) -> list[dict[st
     """Return cells as a list of one GeoJSON feature in map coordinates; empty without cells.
 
     ``cells`` is bool, shape [rows, columns], row 0 the southernmost. The feature has
-    ``properties``, and unless they have it the ``area_m2`` of the cells.
+    ``properties`` and the area of the cells, ``cells_area_m2``, which is that of its polygons.
     """
     from rasterio.features import shapes
     from rasterio.transform import Affine
@@ -152,8 +152,7 @@ def area(cells: np.ndarray, terrain: Terrain, **properties: Any) -> list[dict[st
         cells.astype(np.uint8), cells, transform=Affine(side, 0.0, east, 0.0, side, north)
     )
     geometry = {'type': 'MultiPolygon', 'coordinates': [item['coordinates'] for item, _ in found]}
-    known = {**properties}
-    known.setdefault('area_m2', float(cells.sum()) * side**2)
+    known = {**properties, 'cells_area_m2': float(cells.sum()) * side**2}
     return [{'type': 'Feature', 'properties': known, 'geometry': geometry}]
 
 
@@ -163,7 +162,8 @@ def isochrones(
     """Return GeoJSON features of the cells that lava has reached by each of some round times.
 
     ``times`` are arrival times [s], shape [rows, columns], NaN without arrival. Each feature
-    includes the area of the earlier ones, has a date if ``onset`` is given, and ``properties``.
+    includes the cells of the earlier ones, has a date if ``onset`` is given, and ``properties``.
+    The inundated area is smaller than that of its cells, and is only known at the end.
     """
     if not np.isfinite(times).any():
         return []

@@ -144,7 +144,7 @@ def test_isochrones_of_an_ensemble_are_nested(ensemble):
         # the correction for the particle spacing moves the first arrivals
         first = steps.index(times[0]['time_s']) if times else 0
         assert [item['time_s'] for item in times] == steps[first : first + len(times)]
-        areas = [item['area_m2'] for item in times]
+        areas = [item['cells_area_m2'] for item in times]
         assert areas == sorted(areas) and (areas or share == 90)
 
 

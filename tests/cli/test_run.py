@@ -133,7 +133,9 @@ def test_every_output_has_the_same_area_and_volumes(folder, result, maps, tmp_pa
     assert float(tags['inundated_area_m2']) == pytest.approx(area, rel=1e-6)
     assert tags['preset'] == result['preset']
     (outline,) = json.loads((maps / 'outline.geojson').read_text())['features']
-    assert outline['properties']['area_m2'] == pytest.approx(area, rel=1e-6)
+    assert outline['properties']['inundated_area_m2'] == pytest.approx(area, rel=1e-6)
+    cells = np.count_nonzero(inundated >= 0.5)
+    assert outline['properties']['cells_area_m2'] == 100.0 * cells != pytest.approx(area)
     values = Recording(run).timeline.moments[-1].values
     names = [name for name in result if name.startswith('volume_')]
     for name in ('inundated_area_m2', 'standing_area_m2', *names):

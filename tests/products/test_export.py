@@ -227,15 +227,17 @@ def test_outline_and_isochrones_are_polygons_of_cells(bag, tmp_path):
         for name in ('outline', 'isochrones')
     )
     assert [item['properties'] for item in outline] == [
-        {'shows': 'inundated area', 'inundation_threshold_m': 0.1, 'area_m2': 80 * 25.0}
+        # the bag has no covered fractions
+        {'shows': 'inundated area', 'inundation_threshold_m': 0.1, 'cells_area_m2': 80 * 25.0}
     ]
     (ring,) = outline[0]['geometry']['coordinates'][0]
     # 15 degrees east is an easting of 500 km in zone 33; the flow is at -50 m to -10 m
     assert all(14.999 < x < 15.0 and 37.7 < y < 37.8 for x, y in ring)
     assert ring[0] == ring[-1] and len(ring) == 5
-    found = [(item['properties']['time_s'], item['properties']['area_m2']) for item in isochrones]
+    known = [item['properties'] for item in isochrones]
+    found = [(item['time_s'], item['cells_area_m2']) for item in known]
     assert found[0] == (300.0, 20 * 25.0) and found[-1] == (900.0, 80 * 25.0)
-    assert [item['properties']['time'] for item in isochrones] == ['5 min', '10 min', '15 min']
+    assert [item['time'] for item in known] == ['5 min', '10 min', '15 min']
 
 
 def test_another_threshold_applies_to_every_map_of_an_export(tmp_path, caplog):
@@ -250,7 +252,8 @@ def test_another_threshold_applies_to_every_map_of_an_export(tmp_path, caplog):
     for name in ('outline', 'isochrones'):
         features = json.loads((tmp_path / f'out/{name}.geojson').read_text())['features']
         last = features[-1]['properties']
-        assert (last['inundation_threshold_m'], last['area_m2']) == (3.1, area)
+        assert (last['inundation_threshold_m'], last['cells_area_m2']) == (3.1, area)
+        assert 'inundated_area_m2' not in last
     assert 'inundated' not in {item.stem for item in done.files}
     assert 'inundated is left out: the bag has it for lava of 0.1 m or more' in caplog.text
 
@@ -269,7 +272,7 @@ def test_areas_of_cells_times_and_probabilities():
     cells[1:5, 1:5] = True
     cells[2, 2] = False
     (feature,) = gis.area(cells, Terrain(np.zeros((6, 6)), 10.0, offset=(100.0, 200.0)))
-    assert feature['properties']['area_m2'] == 1500.0
+    assert feature['properties']['cells_area_m2'] == 1500.0
     ((outer, inner),) = feature['geometry']['coordinates']
     assert {tuple(item) for item in outer} == {(110, 210), (150, 210), (150, 250), (110, 250)}
     assert {tuple(item) for item in inner} == {(120, 220), (130, 220), (130, 230), (120, 230)}
@@ -283,7 +286,7 @@ def test_areas_of_cells_times_and_probabilities():
     percent = np.array([[np.nan, 5.0, 10.0], [49.0, 50.0, 95.0]])
     found = [item['properties'] for item in gis.probabilities(percent, terrain)]
     assert found == [
-        {'probability_percent': least, 'area_m2': cells}
+        {'probability_percent': least, 'cells_area_m2': cells}
         for least, cells in ((10.0, 4.0), (50.0, 2.0), (90.0, 1.0))
     ]
 
@@ -380,7 +383,8 @@ def test_vector_formats_keep_features_and_positions(ending, bag, tmp_path):
     # a Shapefile cuts names to 10 letters
     name = 'inundation_threshold_m' if ending not in ('shp', 'zip') else 'inundation'
     assert {float(item.properties[name]) for item in areas} == {0.1}
-    assert float(outline.properties['area_m2']) == 2000.0
+    name = 'cells_area_m2' if ending not in ('shp', 'zip') else 'cells_area'
+    assert float(outline.properties[name]) == 2000.0
     (ring,) = outline.on(TERRAIN).rings
     ends = [(499_950.0, 4_180_070.0), (499_990.0, 4_180_120.0)]
     np.testing.assert_allclose([ring.min(axis=0), ring.max(axis=0)], ends, atol=0.02)
