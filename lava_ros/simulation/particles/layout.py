@@ -51,7 +51,7 @@ class Form(NamedTuple):
 
     Attributes:
         real: Warp scalar type.
-        order: Order of super-time-stepping.
+        order: Order of super-time-stepping, 1 for steps of one stage.
         is_staged: True if steps have several stages.
         is_guarded: True if displacements are limited; a step of fixed length is not.
         has_velocity: True if particles have momentum.

@@ -142,7 +142,7 @@ def _kernels(form: Form) -> tuple[Any, ...]:
             if m.counts[at.STAGE] > 0:
                 store(m.ordered_base, place, load(m.base, i))
                 store(m.ordered_drift, place, load(m.drift, i))
-                if wp.static(form.has_mean):
+                if m.mean_temperature:
                     m.ordered_mean_temperature[place] = m.mean_temperature[i]
 
     return bin_particles, order_particles, rank_particles, list_members

@@ -65,10 +65,11 @@ class State(Arrays):
         self.effects, self.device = effects, device
         self.is_deterministic = accuracy.deterministic
         has_velocity, is_single = effects.any('needs_velocity'), accuracy.precision == 'float32'
+        is_staged = accuracy.integrator != 'euler' and not has_velocity
         self.form = form = at.Form(
             real=at.REAL[accuracy.precision],
-            order=1 if accuracy.integrator == 'rkl1' else 2,
-            is_staged=accuracy.integrator != 'euler' and not has_velocity,
+            order=2 if is_staged and accuracy.integrator == 'rkl2' else 1,
+            is_staged=is_staged,
             is_guarded=accuracy.fixed_step is None,
             has_velocity=has_velocity,
             has_remainder=is_single,

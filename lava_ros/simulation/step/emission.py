@@ -61,23 +61,24 @@ def emission_function(form: Form) -> Any:
             return 0
         for n in range(due):
             i = slot + n
-            if wp.static(form.has_remainder):
+            # asked at run time: otherwise each set of effects would need a kernel of its own
+            if m.remainder:
                 m.remainder[i] = vec2()
-            if wp.static(form.has_velocity):
+            if m.velocity:
                 velocity = outlets.vents[v].velocity
                 m.velocity[i] = vec2(real(velocity[0]), real(velocity[1]))
-            if wp.static(form.has_age):
+            if m.emission_time:
                 m.emission_time[i] = time
-            if wp.static(form.has_temperature_remainder):
+            if m.temperature_remainder:
                 m.temperature_remainder[i] = real(0.0)
             place = place_of(v, outlets.released[v] + n, outlets)
             volume, heat = real(outlets.particle_volume), real(outlets.vents[v].temperature)
             p = vec4(real(place[0]), real(place[1]), volume, heat)
             m.particle[i] = p
-            if wp.static(form.is_staged):
+            if m.base:
                 m.base[i] = vec4(p[0], p[1], real(0.0), real(0.0))
                 m.drift[i] = vec4()
-                if wp.static(form.has_mean):
+                if m.mean_temperature:
                     m.mean_temperature[i] = heat
             note(p, real(0.0), end, m)
             if wp.static(bins):

@@ -38,7 +38,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.effects import Effects
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.effects.column import column_type
 from lava_ros.effects.laws import LATERAL_DRAG, speed_function, viscosity_function
 from lava_ros.simulation.backend.compiled import (
@@ -75,8 +75,11 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     green, helmholtz = 'green' in effects, 'helmholtz' in effects
     steep, along = effects.function('factor', real), effects.function('along', real)
     speed = speed_function(wp, real, effects)
-    has_age, has_velocity = effects.any('needs_age'), effects.any('needs_velocity')
-    is_lateral, has_drop = effects.any('is_lateral'), effects.any('needs_drop')
+    has_age = speed is not None and any(
+        EFFECTS[name].needs_age for name in effects.having('strength')
+    )
+    has_velocity = effects.any('needs_velocity')
+    is_lateral = effects.any('is_lateral')
     column_struct, raised = column_type(real), raise_to(real)
     limit_speed, curvature_at = speed_limit_function(real), terrain_functions(real).curvature_at
 
@@ -123,7 +126,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             velocity = bounded
         if fills_flow:
             m.flow[i] = vec3(height, velocity[0], velocity[1])
-        if wp.static(has_drop):
+        if m.slope:
             m.slope[i] = surface
         rate = largest * height * m.constants.stiffness
         if wp.static(is_lateral):

@@ -193,7 +193,7 @@ def motion_function(form: Form, effects: Effects) -> Any:
         if wp.static(form.is_staged):
             store(m.base, i, vec4(place[0], place[1], before[0], before[1]))
             store(m.drift, i, vec4(shift[0], shift[1], start[0], start[1]))
-            if wp.static(form.has_mean):
+            if m.mean_temperature:
                 m.mean_temperature[i] = m.ordered_mean_temperature[i]
         temperature = p[3]
         if wp.static(form.has_age):

@@ -157,7 +157,7 @@ class StageChoice(NamedTuple):
 
 
 @lru_cache
-def choice_function(form: Form, freezes: bool) -> Any:
+def choice_function(form: Form) -> Any:
     """Return the device function that begins a step or its next stage.
 
     The last stage advances the clock. One thread calls it, when all rates are known.
@@ -185,7 +185,7 @@ def choice_function(form: Form, freezes: bool) -> Any:
         particles = m.counts[at.PARTICLES]
         diffusion = wp.float64(m.rates[at.DIFFUSION])
         advection = wp.float64(m.rates[at.ADVECTION])
-        if wp.static(freezes):
+        if m.cold:
             m.cold[0] = 0
         if j == 1:
             if time >= target:
@@ -208,7 +208,9 @@ def choice_function(form: Form, freezes: bool) -> Any:
             else:
                 if explicit < step:
                     step = explicit
-                    limit = wp.static(LIMITS.index('waves' if form.has_velocity else 'diffusion'))
+                    limit = wp.static(LIMITS.index('diffusion'))
+                    if m.velocity:
+                        limit = wp.static(LIMITS.index('waves'))
             if advection * step > one:
                 step = one / advection
                 limit = 2
@@ -232,7 +234,7 @@ def choice_function(form: Form, freezes: bool) -> Any:
                 m.counts[at.CURRENT] = 0
                 m.stage[at.VELOCITY] = real(0.0)
                 return
-            if wp.static(form.has_velocity):
+            if m.velocity:
                 m.clock[at.FORMER_STEP] = former
             m.clock[at.FULL_STEP] = full
             m.counts[at.LIMIT] = limit
