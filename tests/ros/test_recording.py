@@ -3,6 +3,7 @@
 
 """Terrain, vents and description of a bag."""
 
+from functools import partial
 import json
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +17,7 @@ from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.cli.main import main
 from lava_ros.layers.recording import Recording
 from lava_ros.live import recording_control
+from lava_ros.ros import runtime
 from lava_ros.ros.input_log import LIMITS
 from lava_ros.ros.node_graph import NodeGraph
 from lava_ros.ros.recording import SceneRecording
@@ -203,9 +205,16 @@ def test_looping_clock_gives_one_bag(local):
     assert main(['bag', 'info', 'bag']) == 0
 
 
-def test_failed_recording_is_tried_again(local, monkeypatch):
+def time_of_retries(monkeypatch):
+    """Return the time [s], in a list, by which nodes that start later retry recordings."""
     now = [0.0]
-    monkeypatch.setattr(recording_control.RecordingControl, 'clock', lambda _: now[0])
+    control = partial(recording_control.RecordingControl, clock=lambda: now[0])
+    monkeypatch.setattr(runtime, 'RecordingControl', control)
+    return now
+
+
+def test_failed_recording_is_tried_again(local, monkeypatch):
+    now = time_of_retries(monkeypatch)
     node = start_flow(local, record=True, bag_directory='bag')
 
     def fail(*_args, **_options):
@@ -243,8 +252,7 @@ def test_failed_recording_is_tried_again(local, monkeypatch):
 
 
 def test_later_attempt_does_not_follow_a_new_link(local, monkeypatch, tmp_path):
-    now = [0.0]
-    monkeypatch.setattr(recording_control.RecordingControl, 'clock', lambda _: now[0])
+    now = time_of_retries(monkeypatch)
     node = start_flow(local, record=True, bag_directory='bags/bag')
     (tmp_path / 'outside').mkdir()
     Path('bags').rename('moved')
