@@ -24,7 +24,7 @@ def span(stages, order):
 @lru_cache
 def kernel(order):
     form = at.Form(wp.float64, order, True, *(False for _ in at.Form._fields[3:]))
-    choose = choice_function(form)
+    choose = choice_function(form, False)
 
     @wp.kernel(module='unique', enable_backward=False)
     def once(limits: StepLimits, m: at.arguments_type(wp.float64)):

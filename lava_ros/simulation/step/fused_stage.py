@@ -75,7 +75,7 @@ def stage_choice(
 
     Either also emits by an ``emission_function``, unless it is None.
     """
-    choose = choice_function(state.form)
+    choose = choice_function(state.form, state.effects.any('freezes'))
     # one number for any vents: each different one would be another kernel
     threads = state.emitting_threads(FIRST_BLOCK)
     function = _function(state.real, choose, emission, threads)

@@ -157,7 +157,7 @@ class StageChoice(NamedTuple):
 
 
 @lru_cache
-def choice_function(form: Form) -> Any:
+def choice_function(form: Form, freezes: bool) -> Any:
     """Return the device function that begins a step or its next stage.
 
     The last stage advances the clock. One thread calls it, when all rates are known.
@@ -185,7 +185,7 @@ def choice_function(form: Form) -> Any:
         particles = m.counts[at.PARTICLES]
         diffusion = wp.float64(m.rates[at.DIFFUSION])
         advection = wp.float64(m.rates[at.ADVECTION])
-        if m.cold:
+        if wp.static(freezes):
             m.cold[0] = 0
         if j == 1:
             if time >= target:
