@@ -34,7 +34,7 @@ def patch(slope):
 
 
 def carried(flux, thickness):
-    """Return the thickness that fluxes along axis 1 carry, limited as in ``solved``."""
+    """Return the thickness that fluxes along axis 1 carry, with Koren's limiter."""
     wide = np.pad(thickness, ((0, 0), (1, 1)))
     behind, own, other = (wide[:, k : k + flux.shape[1]] for k in range(3))
     after = wide[:, 3 : 3 + flux.shape[1]]
@@ -42,10 +42,9 @@ def carried(flux, thickness):
     own, other, behind = (
         np.where(is_forward, *pair) for pair in ((own, other), (other, own), (behind, after))
     )
-    rise, most = other - own, 2.0 * (own - behind)
-    limited = own + 0.5 * np.where(
-        rise * most > 0.0, np.sign(rise) * np.minimum(np.abs(rise), np.abs(most)), 0.0
-    )
+    before, after = own - behind, other - own
+    slopes = np.abs([(before + 2.0 * after) / 3.0, 2.0 * before, 2.0 * after]).min(axis=0)
+    limited = own + 0.5 * np.where(before * after > 0.0, np.sign(after) * slopes, 0.0)
     cubes = 0.25 * (own + other) * (own**2 + other**2)
     return np.maximum(limited, np.sqrt(cubes / np.maximum(np.maximum(own, other), 1e-9)))
 
