@@ -35,7 +35,7 @@ from lava_ros.scene import Terrain
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.threads import use_threads
-from lava_ros.simulation.method import do_methods_agree
+from lava_ros.simulation.method import reason_against_cells
 from lava_ros.simulation.numerical_error import (
     Areas,
     difference,
@@ -141,7 +141,7 @@ class Runs:
         for level, distance in sorted(levels.items(), key=lambda item: item[1]):
             yield from self.jobs_at(level, distance)
         cell = self.item.scene.terrain.resolution
-        for size in SIZES if do_methods_agree(self._effects) else ():
+        for size in SIZES if not reason_against_cells(self._effects) else ():
             yield from self._of_run(self._accuracy(size * cell, 'cells'))
 
     def jobs_at(self, tag: str, spacing: float) -> Iterator[Job]:
@@ -301,7 +301,7 @@ def compare(name: str, folder: Path) -> Iterator[dict[str, Any]]:
     levels, reference, finest = runs.levels()
     best = runs.read(reference)
     compared = [('particles', distance, f'{level}_A') for level, distance in levels.items()]
-    if do_methods_agree(runs.effects):
+    if not reason_against_cells(runs.effects):
         compared += [('cells', size * cell, f'cells_{size * cell:.5g}_own') for size in SIZES]
     for method, distance, own in compared:
         run = runs.read(own)

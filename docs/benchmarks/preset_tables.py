@@ -81,8 +81,12 @@ def methods() -> Iterator[Line]:
         if row['method'] == 'particles' or other is None:
             continue
         kind = 'cells lack an effect' if row['lacking'] else 'lava does not freeze'
-        if not row['lacking'] and 'solidification' in row['effects'].split():
-            kind = 'lava freezes'
+        for effect, name in (
+            ('solidification', 'lava freezes'), ('insulation', 'lava under a crust'),
+            ('helmholtz', 'lateral stress'),
+        ):
+            if not row['lacking'] and effect in row['effects'].split():
+                kind = name
         stated = math.hypot(float(row['stated']), float(other['stated']))
         ratio = float(row['cpu_s']) / float(other['cpu_s'])
         kinds.setdefault(kind, []).append((float(row['difference']), stated, ratio))

@@ -23,7 +23,7 @@ from lava_ros.scene.terrain import Terrain
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.cells.cell_size import cell_size
-from lava_ros.simulation.method import do_methods_agree
+from lava_ros.simulation.method import reason_against_cells
 from lava_ros.simulation.numerical_error import (
     Areas,
     between_methods,
@@ -98,12 +98,12 @@ def partner_of(scene: Scene, accuracy: Accuracy, effects: Effects) -> tuple[Accu
     """Return the accuracy of the partner runs, and the ``reduction`` of a run and the first one.
 
     Particles are compared with the smallest cells that are at least as large as their spacing and
-    as the cells of the terrain, unless cells lack something or the lava freezes.
+    as the cells of the terrain, unless particles are better with its effects.
     """
     spacing, cell = accuracy.spacing, scene.terrain.resolution
     assert spacing is not None
     is_limited = accuracy.mobility_limit is not None
-    if accuracy.method == 'cells' or is_limited or not do_methods_agree(effects):
+    if accuracy.method == 'cells' or is_limited or reason_against_cells(effects):
         return coarser_partner_of(accuracy)
     doublings = max(math.ceil(math.log2(spacing / cell)), 0)
     # a small terrain limits the size

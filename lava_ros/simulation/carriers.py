@@ -16,7 +16,7 @@ AUTO = 'auto'
 METHOD_CHOICES = (*METHODS, AUTO)
 METHOD_MEANING = (
     'carriers of the lava: particles, or cells, which take less time and lack some effects; '
-    'auto: cells for lava that does not freeze, if they have the effects that the flow needs'
+    'auto: cells where they take less time and have the effects that the flow needs'
 )
 
 #: Names of the carriers that are counted, by method.

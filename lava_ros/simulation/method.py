@@ -4,19 +4,26 @@
 """The choice between particles and cells for a scene.
 
 The areas of both methods agree within their stated errors where cells have all effects that the
-flow needs. Cells take less time for lava that does not freeze; for lava that does, particles reach
-the same scores in less time (docs/presets.md#particles-or-cells).
+flow needs, except under a crust that stays in place. Cells take less time for lava that does not
+freeze, and more time for lateral stress (docs/presets.md#particles-or-cells).
 """
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-from lava_ros.effects import EFFECTS, Effects
+from lava_ros.effects import EFFECTS
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.carriers import AUTO
 from lava_ros.simulation.selection import decide, effects_for
+
+#: Why particles are better with some effects, by the attribute of ``Effect`` that these have.
+_AGAINST_CELLS = {
+    'freezes': 'cells take more time for lava that freezes',
+    'is_lateral': 'cells take more time for lateral stress',
+    'ages_in_place': 'lava that moves under a crust is more accurate as particles',
+}
 
 
 class MethodChoice(NamedTuple):
@@ -35,9 +42,15 @@ def lacking_on_cells(effects: Iterable[str]) -> list[str]:
     return [name for name in effects if EFFECTS[name].needs_particles]
 
 
-def do_methods_agree(effects: Effects) -> bool:
-    """Return True if cells have all of these effects, and the lava does not freeze."""
-    return not lacking_on_cells(effects) and not effects.any('freezes')
+def reason_against_cells(effects: Iterable[str]) -> str:
+    """Return why particles are better with the named effects; empty if cells are."""
+    names = list(effects)
+    if lacking := lacking_on_cells(names):
+        return f'cells have no {", ".join(lacking)}'
+    for attribute, reason in _AGAINST_CELLS.items():
+        if any(getattr(EFFECTS[name], attribute) for name in names):
+            return reason
+    return ''
 
 
 def settled_method(
@@ -64,10 +77,7 @@ def choose_method(
     on_cells = replace(accuracy, method='cells')
     effects = effects_for(scene, forced, accuracy=on_cells, horizon=horizon)
     decisions = decide(scene, forced, accuracy=on_cells, horizon=horizon)
-    lacking = lacking_on_cells(effects)
-    lacking += [item.name for item in decisions if item.is_missed]
-    if lacking:
-        return MethodChoice('particles', f'cells have no {", ".join(lacking)}')
-    if effects.any('freezes'):
-        return MethodChoice('particles', 'cells take more time for lava that freezes')
+    missed = [item.name for item in decisions if item.is_missed]
+    if reason := reason_against_cells([*effects, *missed]):
+        return MethodChoice('particles', reason)
     return MethodChoice('cells', 'the lava does not freeze, and cells take less time')

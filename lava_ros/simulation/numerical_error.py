@@ -6,8 +6,9 @@
 The error of an area is one minus the Jaccard index of the area and that of a run with very fine
 particles on very fine ground. Two partner runs measure it (forecast/partner_runs.py):
 
-    particles   the run, and one on cells; if cells have not all effects or the lava freezes, one
-                with particles COARSER times as far apart; of a run on cells, one on larger cells
+    particles   the run, and one on cells; if particles are better with its effects (method.py),
+                one with particles COARSER times as far apart; of a run on cells, one on larger
+                cells
     ground      that one, and another one on ground of cells twice as large (coarse_ground.py)
 
 Errors of areas multiply: the Jaccard index of the run and a much finer one is that of the run and

@@ -37,6 +37,17 @@ def test_lava_that_freezes_takes_particles():
     assert choice.method == 'particles' and 'freezes' in choice.reason
 
 
+@pytest.mark.parametrize(('effect', 'text'), [
+    ('helmholtz', 'lateral stress'), ('insulation', 'under a crust'),
+])
+def test_effects_that_favour_particles_take_particles(effect, text):
+    lava = Lava.paper(viscosity=1e6, emissivity=0.9, solidus=1100.0)
+    scene = Scene(flat(60, 10.0), (Vent((0.0, 0.0), 5.0, radius=10.0),), lava)
+    others = 'cooling', 'cover', 'crust', 'crust_strength', 'solidification', 'inertia'
+    choice = chosen(scene, **dict.fromkeys(others, False), **{effect: True})
+    assert choice.method == 'particles' and text in choice.reason
+
+
 def test_formulation_that_cells_lack_takes_particles():
     scene = Scene(flat(60, 10.0), (Vent((0.0, 0.0), 5.0, radius=10.0),), LAVA)
     choice = choose_method(scene, Accuracy(formulation='as-published'), {}, horizon=3600.0)

@@ -66,6 +66,9 @@ _STEEPEST = 10.0
 #: Fraction of the largest stable step that a step of a number of stages has.
 _STABLE = 0.9
 
+#: Factor by which the sweeps of a stage reduce the error of the speeds of the stage before.
+_LATER_REDUCTION = 1e-2
+
 #: Maximum number of passes that limit what cells give.
 _LIMITS = 4
 
@@ -148,13 +151,14 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
     own = 'fluid * (a * fluidity[p] + b * fluidity[q]) / (a + b + 1e-30f)'
     parts = {
         'SHARED': shared(blocks),
-        'SOLVER': flow_source.LATERAL_SOLVER + 'solve(first_x, first_y);' if is_lateral else '',
+        'SOLVER': flow_source.LATERAL_SOLVER if is_lateral else '',
         'EVALUATE': flow_source.LATERAL_STAGE if is_lateral else '',
         'FLOW': flow_source.LATERAL_FLUX if is_lateral else flow_source.OWN_FLUX,
         'ON_SLOPE': '* steep[p]' if is_steep else '',
         'DRAG': LATERAL_DRAG,
         'MAX_SWEEPS': MAX_SWEEPS,
         'LOGARITHM': math.log(2.0 / REDUCTION),
+        'LATER': math.log(2.0 / _LATER_REDUCTION),
         'COLUMNS': COLUMNS,
         'SLOTS': SLOTS,
         'CLEAR_OWN': CLEAR.replace('WHICH', 'slots'),

@@ -93,25 +93,34 @@ LATERAL_SOLVER = """
         const float least = bed_of(a, b) / larger(larger(a, b), film);
         return larger(own + 0.5f * slope, sqrtf(least) + film);
     };
+    float* drag_of[2] = {s.drag_x.data, s.drag_y.data};
     const double stress = 4.0 / DRAG * thickest * thickest * per_cell * per_cell;
     const double condition = 2.0 * (1.0 + stress), centre = 1.0 + 1.0 / condition;
     const double half = 1.0 - 1.0 / condition;
-    int sweeps = 2;
-    while (sweeps < MAX_SWEEPS && sweeps < 0.5 * LOGARITHM * sqrtf((float)condition)) ++sweeps;
-    // replaces the local fluxes through the faces
-    auto solve = [&](float* flux_x, float* flux_y) {
+    // replaces the local fluxes; later stages begin with the speeds of the one before
+    auto solve = [&](float* flux_x, float* flux_y, bool is_first_stage) {
+        const double logarithm = is_first_stage ? LOGARITHM : LATER;
+        int sweeps = 2;
+        while (sweeps < MAX_SWEEPS && sweeps < 0.5 * logarithm * sqrtf((float)condition))
+            ++sweeps;
         for (long i = first_of(top); i <= last_of(bottom); i += lines)
             faces_of(i, [&](int axis, long from, long to, long next, long, const float*,
                             const float*, const float*) {
                 const float* flux = axis ? flux_y : flux_x;
                 float* own = local_of[axis];
+                float* APART drags = drag_of[axis];
                 float* APART solved = solved_of[axis];
                 float* APART others = others_of[axis];
+                const float* APART steep = axis ? s.factor_y.data : s.factor_x.data;
                 const Around near = around(axis, i, next);
                 for (long p = from; p <= to; p += lanes) {
-                    const float one = flux[p] / carried(p, next, near, flux[p]);
-                    const float speed = mean_of(p, next) > 0.0f ? one : 0.0f;
-                    own[p] = speed, solved[p] = speed, others[p] = speed;
+                    const float a = above_film(y[p]), b = above_film(y[p + next]);
+                    const float full = carried(p, next, near, flux[p]);
+                    const float bed = larger(bed_of(a, b), film * film * film);
+                    const float drag = DRAGf * s.cell * s.cell * full * full / (bed ON_SLOPE);
+                    const float speed = mean_of(p, next) > 0.0f ? flux[p] / full : 0.0f;
+                    const float begun = is_first_stage ? speed : solved[p];
+                    own[p] = speed, drags[p] = drag, solved[p] = begun, others[p] = begun;
                 }
             });
         together();
@@ -126,22 +135,19 @@ LATERAL_SOLVER = """
                                 const float*, const float*, const float*) {
                     const float* APART own = local_of[axis];
                     const float* APART solved = solved_of[axis];
-                    const float* APART steep = axis ? s.factor_y.data : s.factor_x.data;
+                    const float* APART drags = drag_of[axis];
                     float* APART others = others_of[axis];
-                    const Around near = around(axis, i, next);
+                    const long back = around(axis, i, next).back;
                     for (long p = from; p <= to; p += lanes) {
-                        const float mean = mean_of(p, next), u = solved[p];
+                        const float mean = mean_of(p, next), u = solved[p], drag = drags[p];
                         const float a = above_film(y[p]), b = above_film(y[p + next]);
-                        const float full = carried(p, next, near, own[p]);
-                        const float bed = larger(bed_of(a, b), film * film * film);
-                        const float drag = DRAGf * s.cell * s.cell * full * full / (bed ON_SLOPE);
                         const float below = mean_of(p - side, next);
                         const float above = mean_of(p + side, next);
                         // the side of a thick flow is free, also next to a film
                         const float c = 2.0f * mean * below / (mean + below + film);
                         const float d = 2.0f * mean * above / (mean + above + film);
                         // in pairs, so that mirrored flows are mirrored to the last bit
-                        const float from_a = a * (solved[p - near.back] - u);
+                        const float from_a = a * (solved[p - back] - u);
                         const float from_b = b * (solved[p + next] - u);
                         const float from_c = c * (solved[p - side] - u);
                         const float from_d = d * (solved[p + side] - u);
@@ -170,6 +176,7 @@ LATERAL_SOLVER = """
             });
         together();
     };
+    solve(first_x, first_y, true);
 """
 
 #: Fluxes of a stage after the first, in ``local_x`` and ``local_y``.
@@ -189,7 +196,7 @@ LATERAL_STAGE = """
                     }
                 });
             together();
-            solve(s.local_x.data, s.local_y.data);
+            solve(s.local_x.data, s.local_y.data, false);
         }
 """
 

@@ -71,7 +71,9 @@ UNREACHED = 1e300
 FACES = 'drop_x', 'drop_y', 'factor_x', 'factor_y', 'cross_x', 'cross_y'
 
 #: Arrays that lateral stress alone needs.
-LATERAL = 'local_x', 'local_y', 'solved_x', 'solved_y', 'unsolved_x', 'unsolved_y'
+LATERAL = (
+    'local_x', 'local_y', 'solved_x', 'solved_y', 'unsolved_x', 'unsolved_y', 'drag_x', 'drag_y',
+)
 
 #: Constants of the laws of flow, with viscosity and yield strength of one face.
 FaceLaw = structure('FaceLaw', (*law_type(wp.float32).vars, 'strength'), wp.float32)
@@ -114,6 +116,8 @@ class Cells:
     solved_y: wp.array2d(dtype=wp.float32)
     unsolved_x: wp.array2d(dtype=wp.float32)
     unsolved_y: wp.array2d(dtype=wp.float32)
+    drag_x: wp.array2d(dtype=wp.float32)
+    drag_y: wp.array2d(dtype=wp.float32)
     kind: wp.array2d(dtype=wp.uint8)
     box: wp.array(dtype=wp.int32)
     vent_box: wp.array(dtype=wp.int32)
@@ -237,6 +241,8 @@ class CellState(KernelState):
         local_x, local_y, solved_x, solved_y, unsolved_x, unsolved_y: Speeds by the local balance,
             over the size of a cell, and those of two sweeps of the lateral stress [1/s], float32,
             maps of faces; not allocated before it is on.
+        drag_x, drag_y: Drag of the bed on these speeds times the area of a cell [m], float32, maps
+            of faces; as these.
         box: First and last row, first and last column of the window, int32, shape [4].
         clock: Times (``TIME`` and following), float64, shape [9].
         counts: Counts (``STEPS`` and following), int32, shape [4].
