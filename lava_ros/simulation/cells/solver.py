@@ -312,6 +312,8 @@ class CellSolver(CellLava):
         if effects.any('needs_age') and not before.any('needs_age'):
             # ages count from now
             lava.emission_time[:] = self.time
+        # a film has not reached its cell, but lava that moves takes its age with it
+        lava.emission_time[lava.emission_time == UNREACHED] = self.time
         self.heat.set_constants(self.scene, effects)
         self.put(lava)
         if not before.any('ages_in_place'):

@@ -460,6 +460,16 @@ def test_crust_that_is_switched_on_is_as_old_as_the_inundation(cell):
     assert (later < UNREACHED).sum() > has_crust.sum()
 
 
+def test_lava_takes_its_age_with_it_after_a_crust():
+    simulation, _ = crusted_flow(only('steep', 'arrhenius', 'insulation'))
+    simulation.set_effects({'insulation': False, 'cooling': True, 'crust_strength': True})
+    assert simulation.effects.any('needs_age')
+    simulation.advance(900.0)
+    lava = simulation.solver.columns()
+    is_wet = lava.thickness > 0.0
+    assert 0.0 <= lava.emission_time[is_wet].min() <= lava.emission_time[is_wet].max() <= 900.0
+
+
 @pytest.mark.parametrize('cell', [10.0, 2.5])
 def test_crust_survives_a_restart_and_another_terrain(cell):
     simulation, before = crusted_flow(only('steep', 'arrhenius', 'insulation'))
