@@ -137,12 +137,13 @@ _RENEWAL = """
 #: Heat that lava conducts from one cell to another, over the area of a cell.
 _CONDUCTION = """
             const float spread = 2.0f * m.diffusivity * step / (s.cell * s.cell);
-            auto conducted = [&](Value v) {
-                const float both = v.lava + lava;
-                return both > 0.0f ? spread * v.lava * lava / both * v.value : 0.0f;
+            // by the thicknesses after the step: a cell that has emptied is not heated by others
+            auto conducted = [&](long q, Value v) {
+                const float there = (float)after[q], both = there + h;
+                return both > 0.0f ? spread * there / both * v.value : 0.0f;
             };
-            moved += (conducted(west) + conducted(east) + conducted(below) + conducted(above))
-                / larger(h, 1e-9f);
+            moved += conducted(p - 1, west) + conducted(p + 1, east) + conducted(p - w, below)
+                + conducted(p + w, above);
 """
 
 #: Height by which the lava of a cell falls: that of the potential energy lost at its faces.

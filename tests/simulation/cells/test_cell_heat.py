@@ -303,6 +303,22 @@ def test_conducted_heat_follows_the_error_function():
     assert flow.temperature.mean() == pytest.approx(1200.0, rel=1e-6)
 
 
+def test_cell_that_empties_is_not_heated_by_its_neighbours():
+    """Lava runs off the tops of rough ground while heat is conducted from cell to cell."""
+    lava = replace(LAVA, viscosity=1e3, specific_heat=100.0, conductivity=260.0)
+    rng = np.random.default_rng(4)
+    x, _ = centres(100.0)
+    flow = Flow(
+        lava, MOVING, rng.uniform(0.0, 5.0, x.shape) - 0.3 * x, rng.uniform(0.0, 0.5, x.shape),
+        rng.uniform(1000.0, 1400.0, x.shape),
+    )
+    for until in (20.0, 200.0, 2000.0):
+        flow.advance(until, longest=2000.0)
+        wet = flow.thickness > 0.0
+        assert 0.0 < flow.thickness[wet].min() < 1e-6
+        assert 900.0 < flow.temperature[wet].min() <= flow.temperature[wet].max() < 1500.0
+
+
 def test_cold_film_ahead_of_a_front_does_not_dam_it():
     lava = replace(LAVA, yield_strength=50.0, yield_rate=0.02)
     x, _ = centres(50.0)
