@@ -41,7 +41,7 @@ from lava_ros.effects import Effects
 from lava_ros.effects.column import column_type
 from lava_ros.effects.laws import LATERAL_DRAG, MAX_SWEEPS, REDUCTION
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
-from lava_ros.simulation.cells import flow_source
+from lava_ros.simulation.cells import flow_source, stress_source
 from lava_ros.simulation.cells.spans import COLUMNS, spans_function
 from lava_ros.simulation.cells.state import Cells, FaceLaw
 from lava_ros.simulation.cells.threads import CLEAR, shared, SLOTS
@@ -151,9 +151,9 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
     own = 'fluid * (a * fluidity[p] + b * fluidity[q]) / (a + b + 1e-30f)'
     parts = {
         'SHARED': shared(blocks),
-        'SOLVER': flow_source.LATERAL_SOLVER if is_lateral else '',
-        'EVALUATE': flow_source.LATERAL_STAGE if is_lateral else '',
-        'FLOW': flow_source.LATERAL_FLUX if is_lateral else flow_source.OWN_FLUX,
+        'SOLVER': stress_source.LATERAL_SOLVER if is_lateral else '',
+        'EVALUATE': stress_source.LATERAL_STAGE if is_lateral else '',
+        'FLOW': stress_source.LATERAL_FLUX if is_lateral else flow_source.OWN_FLUX,
         'ON_SLOPE': '* steep[p]' if is_steep else '',
         'DRAG': LATERAL_DRAG,
         'MAX_SWEEPS': MAX_SWEEPS,
