@@ -29,7 +29,7 @@ from lava_ros.scene import Scene, Terrain
 from lava_ros.scene.ranges import with_ranges
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
-from lava_ros.simulation.output.inundation import TOUCHED
+from lava_ros.simulation.output.inundation import footprint_cells, TOUCHED
 from lava_ros.simulation.resolution import resolved_accuracy
 from lava_ros.simulation.selection import effects_for
 
@@ -177,7 +177,7 @@ class MemberFields:
             self,
             arrival=np.where(part >= TOUCHED, np.float32(0.0), on_part(self.arrival, np.nan)),
             half_inundated=np.where(
-                part >= 0.5, np.float32(0.0), on_part(self.half_inundated, np.nan)
+                footprint_cells(part), np.float32(0.0), on_part(self.half_inundated, np.nan)
             ),
             inundated=np.maximum(on_part(self.inundated, 0.0), part),
             peak=on_part(self.peak, 0.0),

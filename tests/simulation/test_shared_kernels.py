@@ -31,7 +31,7 @@ def modules(effects, settings):
 
 
 @pytest.mark.parametrize(('name', 'effects', 'settings'), [
-    # what new particles carry
+    # new particles have all arrays that the effects need
     ('choose_stage', ['cooling', 'viscous_heating', 'arrhenius', 'crust'], {}),
     ('choose_stage', ['inertia'], {'integrator': 'euler'}),
     # steps with inertia have one stage

@@ -42,6 +42,7 @@ from lava_ros.effects.column import column_type
 from lava_ros.effects.laws import LATERAL_DRAG, MAX_SWEEPS, REDUCTION
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
 from lava_ros.simulation.cells import flow_source, stress_source
+from lava_ros.simulation.cells.limiter import KOREN
 from lava_ros.simulation.cells.spans import COLUMNS, spans_function
 from lava_ros.simulation.cells.state import Cells, FaceLaw
 from lava_ros.simulation.cells.threads import CLEAR, shared, SLOTS
@@ -52,8 +53,9 @@ MAX_STAGES = 99
 #: Maximum displacement of lava in a step, in cells.
 DISPLACEMENT = 2.0
 
-#: The same for lava that carries heat, as it passes on at most the heat of a cell, and with
-#: lateral stress: stages of longer steps amplify what a common speed carries from cell to cell.
+#: Maximum displacement in a step of lava that carries heat, which passes on at most the heat of a
+#: cell, and of lava with lateral stress, in cells. Stages of longer steps would amplify waves that
+#: a common speed carries from cell to cell.
 HEATED_DISPLACEMENT, LATERAL_DISPLACEMENT = 0.8, 0.4
 
 #: Maximum ratio of the lengths of consecutive steps.
@@ -66,7 +68,8 @@ _STEEPEST = 10.0
 #: Fraction of the largest stable step that a step of a number of stages has.
 _STABLE = 0.9
 
-#: Factor by which the sweeps of a stage reduce the error of the speeds of the stage before.
+#: Factor by which the sweeps of all stages but the first reduce the error of their initial guess,
+#: the speeds of the previous stage.
 _LATER_REDUCTION = 1e-2
 
 #: Maximum number of passes that limit what cells give.
@@ -154,6 +157,7 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
         'SOLVER': stress_source.LATERAL_SOLVER if is_lateral else '',
         'EVALUATE': stress_source.LATERAL_STAGE if is_lateral else '',
         'FLOW': stress_source.LATERAL_FLUX if is_lateral else flow_source.OWN_FLUX,
+        'KOREN': KOREN,
         'ON_SLOPE': '* steep[p]' if is_steep else '',
         'DRAG': LATERAL_DRAG,
         'MAX_SWEEPS': MAX_SWEEPS,

@@ -33,6 +33,7 @@ from lava_ros.simulation.backend.compiled import on_cuda
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import ground_function
+from lava_ros.simulation.cells.limiter import KOREN
 from lava_ros.simulation.cells.spans import WITHIN
 from lava_ros.simulation.cells.state import Cells, EDGE, Heat, WAITING
 from lava_ros.simulation.cells.threads import COLDEST, shared, SLOTS
@@ -55,12 +56,7 @@ _TRANSPORT = """
     const double* APART source = s.source.data;
     auto smaller = [](float a, float b) { return a < b ? a : b; };
     auto larger = [](float a, float b) { return a > b ? a : b; };
-    // 0 where the differences behind and ahead differ in sign
-    auto limited = [&](float behind, float ahead) {
-        const float third = (behind + 2.0f * ahead) * (1.0f / 3.0f);
-        return larger(0.0f, smaller(third, 2.0f * smaller(behind, ahead)))
-            + smaller(0.0f, larger(third, 2.0f * larger(behind, ahead)));
-    };
+    KOREN
     struct Value { float lava, value; };
     // what g brings into a cell, from a neighbour or by leaving it: behind the neighbour is
     // ``beyond``, and ``opposite`` is the one on the other side
@@ -73,7 +69,7 @@ _TRANSPORT = """
         const float has_back = comes ? beyond.lava : opposite.lava;
         const float has_ahead = comes ? lava : next.lava;
         const float stays = 1.0f - smaller(1.0f, (comes ? g : -g) / larger(has, 1e-9f));
-        const float slope = 0.5f * stays * limited(given - back, ahead - given);
+        const float slope = 0.5f * stays * koren(given - back, ahead - given);
         return g * (given + (has_back > film && has_ahead > film ? slope : 0.0f));
     };
     auto transport = [&](long i, long from, long to, const double* APART value, auto fresh_value,
@@ -326,8 +322,8 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
 
     moving = _TRANSPORT
     for name, part, is_on in (
-        ('RENEWAL', _RENEWAL, moves_age), ('CONDUCTION', _CONDUCTION, 'conduction' in effects),
-        ('FALL', _FALL, falls), ('DESCENT', _DESCENT, falls),
+        ('KOREN', KOREN, True), ('RENEWAL', _RENEWAL, moves_age), ('FALL', _FALL, falls),
+        ('CONDUCTION', _CONDUCTION, 'conduction' in effects), ('DESCENT', _DESCENT, falls),
     ):
         moving = moving.replace(name, part if is_on else '')
     exchanging = _EXCHANGE.replace('EDGE', f'{EDGE}f')

@@ -425,7 +425,7 @@ class CellSolver(CellLava):
         for array, value in zip(restored, values, strict=True):
             array.assign(value)
         self.clock[_TIMES], self.counts[:] = times, state.counts.numpy()
-        self.thickest = float(values[2][0])
+        self.thickest = float(state.peaks.numpy()[0])
         self._cover()
         if arrived is not None:
             self.covered.load(arrived)

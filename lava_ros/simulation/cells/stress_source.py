@@ -3,7 +3,7 @@
 
 """C++ of the lateral stress of a step on cells; ``flow.py`` replaces the names in capitals."""
 
-#: Lateral viscous stress: what flows through the faces, by Chebyshev sweeps (``flow.py``).
+#: Fluxes through the faces under lateral viscous stress, by Chebyshev sweeps (``flow.py``).
 LATERAL_SOLVER = """
     float* local_of[2] = {s.local_x.data, s.local_y.data};
     float* solved_of[2] = {s.solved_x.data, s.solved_y.data};
@@ -13,7 +13,8 @@ LATERAL_SOLVER = """
         return mean > film ? mean : 0.0f;
     };
     auto bed_of = [](float a, float b) { return 0.25f * (a + b) * (a * a + b * b); };
-    // thickness that a flux through a face carries, limited (Koren 1993)
+    KOREN
+    // thickness that a flux through a face carries
     struct Around { long back, ahead; };
     auto around = [&](int axis, long i, long next) {
         // beyond the first and last row there is no lava either
@@ -25,10 +26,7 @@ LATERAL_SOLVER = """
         const bool forward = flux > 0.0f || (flux == 0.0f && a > b);
         const float own = forward ? a : b, other = forward ? b : a;
         const float behind = above_film(forward ? y[p - near.back] : y[p + near.ahead]);
-        const float before = own - behind, after = other - own;
-        const float third = (before + 2.0f * after) * (1.0f / 3.0f);
-        const float slope = larger(0.0f, smaller(third, 2.0f * smaller(before, after)))
-            + smaller(0.0f, larger(third, 2.0f * larger(before, after)));
+        const float slope = koren(own - behind, other - own);
         // no drag is less than that of the thicker cell, which bounds the number of sweeps
         const float least = bed_of(a, b) / larger(larger(a, b), film);
         return larger(own + 0.5f * slope, sqrtf(least) + film);
