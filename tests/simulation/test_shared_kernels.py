@@ -7,6 +7,7 @@ import pytest
 
 from lava_ros.scene import Lava, Vent
 from lava_ros.simulation.backend.graph import Launches
+from lava_ros.simulation.cells.worlds import steps_kernel
 from solver import flat, only, simulated
 
 
@@ -63,3 +64,18 @@ def test_kernels_of_other_motions_differ():
         for precision in ('float32', 'float64')
     ]
     assert all(len({one[name] for one in found}) == 4 for name in names)
+
+
+@pytest.mark.parametrize('more', [
+    # it has constants only
+    'wind',
+    # cover loses what this does
+    'cooling',
+])
+def test_kernel_of_cells_is_the_same_in_a_process_that_has_made_others(more):
+    effects = 'steep', 'yielding', 'arrhenius', 'cover', 'crust_strength', 'solidification'
+    one, other = (
+        steps_kernel(only(*names), True, 1, False).module.name
+        for names in (effects, (*effects, more))
+    )
+    assert one == other

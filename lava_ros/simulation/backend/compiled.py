@@ -229,6 +229,16 @@ def on_cuda(snippet: str, otherwise: str) -> str:
     return f'#if defined(__CUDA_ARCH__)\n{snippet}\n#else\n    {otherwise}\n#endif\n'
 
 
+def callable_name(function: Any) -> str:
+    """Give a device function the name by which C++ calls it, and return that.
+
+    Warp numbers all functions of a process. With such a number in its source a kernel would be
+    compiled again in each process that has made other functions before.
+    """
+    function.native_func = f'called_{function.func.__name__}'
+    return str(function.native_func)
+
+
 @wp.func_native(_WAIT)
 def after_previous_kernel():
     """Wait for the preceding kernels, until their writes are visible."""

@@ -40,6 +40,7 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.effects.column import column_type
 from lava_ros.effects.laws import LATERAL_DRAG, MAX_SWEEPS, REDUCTION
+from lava_ros.simulation.backend.compiled import callable_name
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
 from lava_ros.simulation.cells import flow_source, stress_source
 from lava_ros.simulation.cells.limiter import KOREN
@@ -174,7 +175,7 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
         'FACTOR': '* factor[p]' if is_steep else '',
         'SIDE': 'factor' if law is None else 'cross',
         'LAG': '0' if law is None else '1',
-        'LAW': '' if law is None else law.native_func,
+        'LAW': '' if law is None else callable_name(law),
         'MAX_STAGES': MAX_STAGES,
         'DISPLACEMENT': most_displaced(effects, is_heated=not is_uniform),
         'GROWTH': GROWTH,

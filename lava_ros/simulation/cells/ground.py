@@ -10,6 +10,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Terrain
+from lava_ros.simulation.backend.compiled import callable_name
 from lava_ros.simulation.backend.memory import ArrayBlock, shared_array, shared_object
 from lava_ros.simulation.cells.spans import WITHIN
 from lava_ros.simulation.cells.state import Cells, CellState, FACES, Heat
@@ -73,7 +74,7 @@ def ground_function(factor: Any, blocks: int = 1, *, is_whole: bool = False) -> 
             (``Heat.cold``).
     """
     raising = _RAISE.replace('MARKED', 'false' if is_whole else 'true')
-    own = _FACTOR.replace('CALL', factor.native_func) if factor else '1.0f'
+    own = _FACTOR.replace('CALL', callable_name(factor)) if factor else '1.0f'
     raising = raising.replace('FACTOR', own)
     raising = raising.replace('SHARED', shared(blocks)).replace('WITHIN', WITHIN)
 

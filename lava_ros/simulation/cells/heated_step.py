@@ -29,7 +29,7 @@ from lava_ros.effects import EFFECTS, Effects
 from lava_ros.effects.column import column_type
 from lava_ros.effects.heat import warming_function
 from lava_ros.effects.laws import strength_function, viscosity_function
-from lava_ros.simulation.backend.compiled import on_cuda
+from lava_ros.simulation.backend.compiled import callable_name, on_cuda
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import ground_function
@@ -335,12 +335,12 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
     ):
         part = _PARTS[name] if needed else ''
         if hasattr(needed, 'native_func'):
-            part = part.replace('CALL', needed.native_func)
+            part = part.replace('CALL', callable_name(needed))
         exchanging = exchanging.replace(name, part)
     before, each, after = exchanging.split('EACH')
     if ages:
         any_step = each.replace('VECTORISED', '')
-        any_step = any_step.replace(straight.native_func, warming.native_func)
+        any_step = any_step.replace(callable_name(straight), callable_name(warming))
         is_lava, begun = 'thickness[p] > 0.0', '(emission_time[p] + renewal[p])'
         if in_place:
             is_lava, begun = '(float)thickness[p] >= m.threshold', 'emission_time[p]'
