@@ -6,7 +6,7 @@
 import time
 
 #: Maximum wait [s].
-PATIENCE = 180.0
+PATIENCE = 600.0
 
 
 def wait_until(condition, what=lambda: '', pause=0.01):
