@@ -124,8 +124,9 @@ class Forecaster(ProcessThread):
         if self.worker.status.state is WorkerState.FAILED:
             return 'the simulation has failed'
         age, max_age = self.age(forecast), self.rules().max_age
-        text = f'it is {age:.0f} s old, and valid for at most {max_age:.0f} s'
-        return text if age > max_age else ''
+        if age > max_age:
+            return f'it is {age:.0f} s old, and valid for at most {max_age:.0f} s'
+        return '' if self.is_wanted else 'the node is not active'
 
     def want(self, is_wanted: bool) -> None:
         """Start or stop making forecasts."""

@@ -95,11 +95,19 @@ class ForecastTopics:
 
     def publish(self, *, repeat: bool = False) -> None:
         """Publish new forecasts or withdraw stale ones; ``repeat`` includes those already sent."""
+        if self.forecaster.is_wanted:
+            self._publish(repeat=repeat)
+
+    def withdraw(self) -> None:
+        """Stop making forecasts, and withdraw those that are published."""
+        self.forecaster.want(False)
+        self._publish(repeat=False)
+
+    def _publish(self, *, repeat: bool) -> None:
         forecaster = self.forecaster
-        if forecaster.is_wanted:
-            latest, ensemble = forecaster.latest, forecaster.ensembles.latest
-            self._forecasts.publish_valid(latest, forecaster.staleness(latest), repeat=repeat)
-            self._ensembles.publish_valid(ensemble, forecaster.staleness(ensemble), repeat=repeat)
+        latest, ensemble = forecaster.latest, forecaster.ensembles.latest
+        self._forecasts.publish_valid(latest, forecaster.staleness(latest), repeat=repeat)
+        self._ensembles.publish_valid(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
     @property
     def valid(self) -> tuple[Forecast | None, EnsembleForecast | None]:
@@ -173,6 +181,9 @@ class _Withdrawable(LayerPublishers[ForecastT]):
                 self._node.get_logger().info(f'{self._name} withdrawn: {staleness}')
                 self._withdrawn = latest, replace(latest.withdrawn(), stamp_ns=time_ns)
             shown = self._withdrawn[1]
+        else:
+            # if it becomes stale again, the withdrawal has the stamp of that time
+            self._withdrawn = None
         # the first valid maps and a withdrawal are published immediately
         is_urgent = bool(staleness) or not self._is_valid
         self.publish(

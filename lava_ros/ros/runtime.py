@@ -175,9 +175,13 @@ class NodeRuntime:
         self._publish(repeat=True)
 
     def deactivate(self) -> None:
-        """Hold simulated time and publish no layers; inputs and diagnostics continue."""
+        """Hold simulated time, withdraw forecasts and publish no more layers.
+
+        Inputs and diagnostics continue.
+        """
+        self._forecasts.withdraw()
+        self._publish_places()
         self.is_active = False
-        self._forecasts.forecaster.want(False)
         self.worker.pause(True)
 
     def close(self) -> None:

@@ -200,9 +200,10 @@ def test_new_scene_makes_forecasts_stale_immediately(bench):
 def test_forecast_is_stale_above_its_maximum_age(bench):
     bench.forecaster.want(False)
     bench.rules = replace(RULES, max_age=2.0)
-    wait_until(lambda: (bench.worker.request_snapshot(), bench.staleness())[1])
+    assert bench.staleness() == 'the node is not active'
+    age, latest = bench.forecaster.age, bench.forecaster.latest
+    wait_until(lambda: (bench.worker.request_snapshot(), age(latest) > 2.0)[1])
     assert bench.staleness().endswith('s old, and valid for at most 2 s')
-    assert bench.forecaster.age(bench.forecaster.latest) > 2.0
 
 
 def test_cancelled_forecast_is_repeated_after_activation(bench):

@@ -200,6 +200,24 @@ def test_forecasts_are_withdrawn_when_the_scene_changes(node):
     assert node.call('pause', False)['success']
 
 
+def test_inactive_node_has_no_latched_forecast(node):
+    wait_for_ensemble(node, lambda item: item['is_stale'] == 'false')
+    node.newest(*GRIDS, condition=lambda newest: all(item['max'] > -1 for item in newest.values()))
+    assert node.change('deactivate'), node.log
+    # no change of the scene could withdraw them now
+    withdrawn = node.newest(
+        *GRIDS, 'place_arrivals',
+        condition=lambda newest: all(newest[name]['max'] == -1 for name in GRIDS),
+    )
+    assert withdrawn['place_arrivals']['status']['post']['forecast'] == 'none'
+    for task in ('forecast', 'ensemble'):
+        status = node.status_now(task)
+        assert status['message'] == 'stale, withdrawn: the node is not active'
+    assert node.change('activate'), node.log
+    node.newest('arrival', condition=lambda newest: newest['arrival']['max'] > -1)
+    wait_for_ensemble(node, lambda item: item['is_stale'] == 'false')
+
+
 def _refusal(settings, msg_config='default.yaml', forecast_config='forecast.yaml'):
     with pytest.raises(LavaError) as caught:
         published_layers(
