@@ -95,6 +95,10 @@ def iter_records(data: mmap.mmap) -> Iterator[tuple[int, int, int]]:
             if opcode == Opcode.DATA_END:
                 return
             continue
+        if data[position] != Opcode.MESSAGE and _end_of(data, position) is not None:
+            # what looks like records inside, such as those of a chunk, are not records of the file
+            yield TRUNCATED, position, len(data)
+            return
         found = _BEGINNING.search(data, position + 1)
         while found is not None and not fits(data, found.start(), has_chunks=True):
             found = _BEGINNING.search(data, found.start() + 1)
@@ -114,26 +118,30 @@ def is_whole(content: bytes) -> bool:
 
 def fits(data: mmap.mmap, position: int, *, has_chunks: bool = False) -> bool:
     """Return True if a complete record is there: the lengths of its items add up to its own."""
+    end = _end_of(data, position, has_chunks=has_chunks)
+    return end is not None and end <= len(data)
+
+
+def _end_of(data: mmap.mmap, position: int, *, has_chunks: bool = False) -> int | None:
+    """Return the end of a record, beyond the end of a file that was cut off; None without one."""
     place = position + FRAME.size
     if place > len(data):
-        return False
+        return None
     opcode, length = FRAME.unpack_from(data, position)
     end = place + int(length)
-    if end > len(data):
-        return False
     if opcode == Opcode.MESSAGE:
         # a message has no item to check; in a file with chunks it is probably a damaged index
-        return int(length) >= MESSAGE.size and not has_chunks
+        return end if int(length) >= MESSAGE.size and not has_chunks else None
     if opcode not in _LAYOUTS:
-        return False
+        return None
     before, kinds, after = _LAYOUTS[opcode]
     place += before
     for kind in kinds:
         size = struct.calcsize(f'<{kind}')
-        if place + size > end:
-            return False
+        if place + size > min(end, len(data)):
+            return None
         place += size + int(struct.unpack_from(f'<{kind}', data, place)[0])
-    return place + after == end
+    return end if place + after == end else None
 
 
 def _is_cut(data: mmap.mmap, position: int) -> bool:

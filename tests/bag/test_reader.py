@@ -18,6 +18,7 @@ from rosbags.typesys import get_typestore, Stores
 from bag.conftest import Bag, GRID, messages_of, SECOND, small_bag
 from fuzz.bags import chunk, data_section, joined
 from lava_ros.bag import BagReader, LATCHED, QosProfile
+from lava_ros.bag.checkpoints import attachments_of
 from lava_ros.bag.records import FRAME
 from lava_ros.errors import LavaError
 
@@ -88,6 +89,26 @@ def test_reads_the_complete_chunks_of_a_truncated_file(bag: Bag, tmp_path: Path)
         assert reader.recovered
         whole = sum(end <= place for end in ends)
         assert messages_of(reader) == written[: 6 * whole], place
+
+
+def test_file_cut_off_in_an_uncompressed_chunk_is_not_damaged(tmp_path: Path) -> None:
+    """A chunk of `ros2 bag record` contains schemas and channels as bytes of the file."""
+    whole = tmp_path / 'whole.mcap'
+    write_foreign(whole, [*range(12)], compression=CompressionType.NONE, chunk_size=200)
+    data = whole.read_bytes()
+    with whole.open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    ends = [item.chunk_start_offset + item.chunk_length for item in summary.chunk_indexes]
+    counts = set()
+    for place in range(8, ends[-1] + 1):
+        (tmp_path / 'cut.mcap').write_bytes(data[:place])
+        reader = BagReader(tmp_path / 'cut.mcap')
+        assert reader.recovered and not reader.damage, place
+        assert not attachments_of(tmp_path / 'cut.mcap'), place
+        counts.add(reader.message_count)
+    # those of the complete chunks
+    assert counts == {0, 3, 9, 12}
 
 
 @pytest.mark.parametrize('options', [
