@@ -134,11 +134,20 @@ class StoredMetadata(NamedTuple):
         files: Names of the files, oldest first.
         custom_data: Free text by name.
         counts: Number of messages by topic; empty if the metadata do not list topics.
+        compression_mode: ``message`` or ``file`` of rosbag2, empty without compression by it.
     """
 
     files: tuple[str, ...]
     custom_data: dict[str, str]
     counts: Counter[str]
+    compression_mode: str
+
+    def check_readable(self, path: Path) -> None:
+        """Raise LavaError if rosbag2 has compressed the messages or files; MCAP may do so."""
+        if self.compression_mode:
+            expected = 'none (compression in the MCAP file is fine); `ros2 bag convert` rewrites '
+            expected += 'a bag whose metadata.yaml states its compression_mode and _format'
+            raise LavaError(f'compression_mode of {path}', self.compression_mode, expected)
 
 
 def read_metadata(path: Path) -> StoredMetadata:
@@ -151,14 +160,16 @@ def read_metadata(path: Path) -> StoredMetadata:
     data = read_yaml('bag', path, expected)
     if not isinstance(data, Mapping) or ROOT not in data:
         raise LavaError('bag', str(path), f'{expected} (a mapping with the key {ROOT})')
-    return _parsed(data[ROOT], path)
+    result = _parsed(data[ROOT], path)
+    result.check_readable(path)
+    return result
 
 
 def parse_record(record: Mapping[str, str], path: Path) -> StoredMetadata:
     """Read the content of a ``rosbag2`` record.
 
     Raises:
-        LavaError: If the content is not metadata of a bag in plain MCAP.
+        LavaError: If the content is not metadata of a bag in MCAP.
     """
     return _parsed(parse_yaml(f'record {RECORD} of {path}', record.get(_TEXT, '')), path)
 
@@ -170,9 +181,6 @@ def _parsed(data: object, path: Path) -> StoredMetadata:
     if storage != 'mcap':
         expected = 'mcap; `ros2 bag convert` turns other bags into MCAP'
         raise LavaError(f'storage_identifier of {path}', storage, expected)
-    if str(data.get('compression_mode') or 'none').lower() != 'none':
-        expected = 'none (compression in the MCAP file is fine); `ros2 bag convert` rewrites it'
-        raise LavaError(f'compression_mode of {path}', data['compression_mode'], expected)
     names = data.get('relative_file_paths') or []
     custom_data = data.get('custom_data') or {}
     if not isinstance(names, list) or not isinstance(custom_data, Mapping):
@@ -180,7 +188,9 @@ def _parsed(data: object, path: Path) -> StoredMetadata:
         raise LavaError('bag', str(path), expected)
     texts = {str(key): str(value) for key, value in custom_data.items()}
     files = tuple(Path(str(item)).name for item in names)
-    return StoredMetadata(files, texts, _counts(data.get('topics_with_message_count') or [], path))
+    counts = _counts(data.get('topics_with_message_count') or [], path)
+    mode = str(data.get('compression_mode') or '')
+    return StoredMetadata(files, texts, counts, '' if mode.lower() == 'none' else mode)
 
 
 def _counts(listed: object, path: Path) -> Counter[str]:

@@ -231,13 +231,21 @@ def _missing(listed: Counter[str], topics: Mapping[str, Topic], path: Path) -> t
 
 
 def _described(files: list[McapFile]) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Return the newest readable custom data, and the errors of newer records."""
+    """Return the newest readable custom data, and the errors of newer records.
+
+    Raises:
+        LavaError: If rosbag2 has compressed the messages.
+    """
     unreadable: tuple[str, ...] = ()
     for contents in reversed(files):
         record = contents.metadata.get(bag_metadata.RECORD)
         if record is not None:
             try:
-                return bag_metadata.parse_record(record, contents.path).custom_data, unreadable
+                stored = bag_metadata.parse_record(record, contents.path)
             except LavaError as error:
                 unreadable += (str(error),)
+            else:
+                # `ros2 bag reindex` writes a metadata.yaml without the compression
+                stored.check_readable(contents.path)
+                return stored.custom_data, unreadable
     return {}, unreadable

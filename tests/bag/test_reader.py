@@ -18,6 +18,7 @@ from rosbags.typesys import get_typestore, Stores
 from bag.conftest import Bag, GRID, messages_of, SECOND, small_bag
 from fuzz.bags import chunk, data_section, joined
 from lava_ros.bag import BagReader, LATCHED, QosProfile
+from lava_ros.bag import metadata as bag_metadata
 from lava_ros.bag.checkpoints import attachments_of
 from lava_ros.bag.records import FRAME
 from lava_ros.errors import LavaError
@@ -254,6 +255,25 @@ def test_limit_of_memory_counts_whole_messages(
     write_tiny(path, payload)
     with pytest.raises(LavaError, match='at most 4128768 bytes of messages at one time'):
         list(BagReader(path).messages())
+
+
+@pytest.mark.parametrize('is_reindexed', [False, True])
+def test_raises_for_messages_that_rosbag2_has_compressed(
+    tmp_path: Path, is_reindexed: bool
+) -> None:
+    """The metadata.yaml of `ros2 bag reindex` states no compression, only the file does."""
+    text = bag_metadata.to_text({'storage_identifier': 'mcap', 'compression_mode': 'MESSAGE'})
+    with (tmp_path / 'a_0.mcap').open('wb') as stream:
+        writer = Writer(stream)
+        writer.start('ros2')
+        writer.add_metadata(bag_metadata.RECORD, {'serialized_metadata': text})
+        writer.finish()
+    if is_reindexed:
+        files = [bag_metadata.FileRecord('a_0.mcap')]
+        data = {bag_metadata.ROOT: bag_metadata.describe(files, [], {})}
+        (tmp_path / 'metadata.yaml').write_text(bag_metadata.to_text(data), encoding='utf-8')
+    with pytest.raises(LavaError, match=r"^compression_mode of .*a_0.mcap is 'MESSAGE', expected"):
+        BagReader(tmp_path)
 
 
 @pytest.mark.parametrize(('name', 'data', 'message'), [
