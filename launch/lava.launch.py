@@ -116,7 +116,7 @@ def existing_file(context, name):
     return path
 
 
-def _given(context):
+def given_parameters(context):
     """Return the given parameters by name, checked and converted to their types."""
     result = {}
     for name, about in PARAMETERS.items():
@@ -147,7 +147,7 @@ def _is_true(context, name):
 
 def _start(context):
     """Return the actions for the arguments."""
-    given = _given(context)
+    given = given_parameters(context)
     params_file = existing_file(context, 'params_file')
     replay = LaunchConfiguration('replay').perform(context)
     namespace = LaunchConfiguration('namespace')
@@ -191,7 +191,11 @@ def _start(context):
                 package='rviz2',
                 executable='rviz2',
                 namespace=namespace,
-                arguments=['-d', LaunchConfiguration('rviz_config')],
+                # the shipped configuration has the default frame
+                arguments=[
+                    '-d', LaunchConfiguration('rviz_config'),
+                    *(['-f', LaunchConfiguration('frame_id')] if 'frame_id' in given else []),
+                ],
                 parameters=[{name: given[name] for name in ('use_sim_time',) if name in given}],
             )
         )

@@ -18,7 +18,7 @@ from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, Opaq
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterFile, ParameterValue
+from launch_ros.parameter_descriptions import ParameterFile
 from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
 from launch_ros.utilities import make_namespace_absolute, prefix_namespace
 import yaml
@@ -47,7 +47,8 @@ ARGUMENTS = (
     ('msg_config', 'nav2_speed.yaml', 'Layers of the node; the servers announce its masks'),
     ('filters_file', _share('params', 'nav2_filters.yaml'), 'Parameters of the servers (YAML)'),
     ('namespace', '', 'Namespace of the node, of the servers and of RViz'),
-    ('use_sim_time', 'false', 'Follow /clock'),
+    ('layers_on', '[""]', 'Layers of msg_config to publish even if disabled there'),
+    ('layers_off', '[""]', 'Layers of msg_config not to publish even if enabled there'),
 )
 
 
@@ -85,6 +86,7 @@ def _start(context):
     # check first: an error after the node has started would leave it running
     for executable in (SERVER, MANAGER):
         ExecutableInPackage(**executable).perform(context)
+    given = LAVA['given_parameters'](context)
     topics = _topics(context)
     masks = {server: topics[layer] for server, layer in SERVERS.items() if layer in topics}
     if not masks:
@@ -98,14 +100,14 @@ def _start(context):
     }
     parameters = [
         ParameterFile(LAVA['existing_file'](context, 'filters_file')),
-        {'use_sim_time': ParameterValue(LaunchConfiguration('use_sim_time'), value_type=bool)},
+        {name: given[name] for name in ('use_sim_time',) if name in given},
     ]
     return [
         IncludeLaunchDescription(
             PythonLaunchDescriptionSource(_share('launch', 'lava.launch.py')),
             launch_arguments=[
                 (name, LaunchConfiguration(name))
-                for name in ('msg_config', 'namespace', 'use_sim_time')
+                for name in ('msg_config', 'layers_on', 'layers_off', 'namespace')
             ],
         ),
         *(

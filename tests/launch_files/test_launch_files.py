@@ -108,6 +108,12 @@ def test_replay_replaces_the_node(monkeypatch):
     assert viewer.parameters == {'use_sim_time': True}
 
 
+def test_rviz_shows_the_frame_of_the_node(monkeypatch):
+    (node, viewer), _ = start(monkeypatch, LAVA, rviz='true', frame_id='lava_map')
+    assert node.parameters == {'frame_id': 'lava_map'}
+    assert viewer.command[1:] == ['-d', str(ROOT / 'rviz/lava.rviz'), '-f', 'lava_map']
+
+
 @pytest.mark.parametrize(('pushed', 'namespace', 'space'), [
     ('', '', ''),
     ('', 'etna', '/etna'),
@@ -128,8 +134,9 @@ def test_mask_topics_are_in_the_namespace_of_the_node(monkeypatch, pushed, names
 def test_keepout_starts_node_info_servers_and_manager(monkeypatch):
     processes, declared = start(monkeypatch, KEEPOUT, scene='etna.yaml')
     by_name = {process.name: process for process in processes}
-    assert by_name['lava'].parameters['msg_config'] == 'nav2_speed.yaml'
-    assert by_name['lava'].parameters['scene'] == 'etna.yaml'
+    # a parameter file may set all others, but must not switch off a mask that is announced
+    layers = {'msg_config': 'nav2_speed.yaml', 'layers_on': [''], 'layers_off': ['']}
+    assert by_name['lava'].parameters == {'scene': 'etna.yaml', **layers}
     assert {'rviz', 'replay', 'filters_file'} <= set(declared)
     servers = [name for name in by_name if name.endswith('_info_server')]
     manager = by_name['lifecycle_manager_lava_filters']
@@ -140,6 +147,9 @@ def test_keepout_starts_node_info_servers_and_manager(monkeypatch):
     for process in processes[1:]:
         assert [Path(file) for file in process.files] == [ROOT / 'params/nav2_filters.yaml']
         assert f'/**/{process.name}' in FILTERS
+        assert 'use_sim_time' not in process.parameters
+    processes, _ = start(monkeypatch, KEEPOUT, use_sim_time='true')
+    assert all(process.parameters['use_sim_time'] is True for process in processes)
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
