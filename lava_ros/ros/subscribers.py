@@ -119,6 +119,7 @@ class InputSubscribers:
         self._logger = self.graph.node.get_logger()
         self._georeferences = TerrainGeoreferences()
         self._set_terrain: Future[None] | None = None
+        self._set_vents: Future[None] | None = None
         # wall time at which the newest terrain is used, even without its georeference [s]
         self._ground_due = math.inf
         self._pairing = inputs.TerrainPairing()
@@ -202,7 +203,9 @@ class InputSubscribers:
             return ''
         has_lava = latest is not None and latest.budget.emitted > 0.0
         self._has_vents = bool(scene.vents) or has_lava or self.log.has_accepted('vents')
-        if self._has_vents:
+        # the first vents start the simulation again, which may compile kernels for a minute
+        is_pending = self._set_vents is not None and not self._set_vents.done()
+        if self._has_vents or is_pending:
             return ''
         now = time.monotonic()
         self._vents_due = min(self._vents_due, now + VENT_PATIENCE)
@@ -363,7 +366,8 @@ class InputSubscribers:
         if (ignored := inputs.ignored_fields(cloud)) not in ('', self._ignored):
             self._ignored = ignored
             self._logger.warning(f'vents: {ignored}')
-        self.command('vents', self.worker.set_vents(vents))
+        self._set_vents = self.worker.set_vents(vents)
+        self.command('vents', self._set_vents)
 
     def _on_clicked_point(self, point: PointStamped) -> None:
         settings, scene = self.settings(), self.worker.view.scene

@@ -7,13 +7,19 @@ The node runs in the process of the test; each of its messages passes the middle
 """
 
 from collections import Counter
+from concurrent.futures import Future
 from contextlib import contextmanager
 from itertools import combinations, product
+from unittest.mock import Mock
 
+import numpy as np
 import pytest
+from rclpy.clock import Clock
 from rclpy.qos import DurabilityPolicy
 
-from lava_ros.ros import codec, subscribers
+from lava_ros.errors import LavaError
+from lava_ros.ros import codec, inputs, subscribers
+from lava_ros.ros.parameters import Settings
 from lava_ros.ros.subscribers import RepeatFilter
 from ros.graph_publisher import CASES, outline, publication, Publisher
 from ros_domain import own_domain
@@ -211,6 +217,29 @@ def test_node_warns_until_the_first_vents(local, monkeypatch):
     node.run(1.0)
     assert node.status_now('inputs')['message'] == 'all taken'
     assert node.log.count(text) == 1, node.log
+
+
+def test_no_warning_of_missing_vents_while_the_first_ones_start_the_simulation(monkeypatch):
+    monkeypatch.setattr(subscribers, 'VENT_PATIENCE', 0.0)
+    graph, worker, future = Mock(published=Counter()), Mock(latest=None), Future()
+    graph.node.get_clock.return_value = Clock()
+    graph.other_publishers.return_value = []
+    worker.view.scene.vents, worker.set_vents.return_value = (), future
+    received = subscribers.InputSubscribers(graph, worker, settings=Settings, steady=Clock())
+    callbacks = {call.args[2]: call.args[3] for call in graph.create.call_args_list
+                 if call.args[0] == 'subscription'}
+    cloud = codec.point_cloud(
+        dict.fromkeys(inputs.VENT_FIELDS, np.full(1, 900.0)), codec.header('map', 0)
+    )
+    info = {'source_timestamp': 1, 'publication_sequence_number': 1}
+    callbacks['vents'](codec.serialise(cloud), info)
+    worker.set_vents.assert_called_once()
+    warn = graph.node.get_logger().warning
+    assert received.status().message == 'all taken'
+    warn.assert_not_called()
+    future.set_exception(LavaError('vents.x', 900.0, 'a place on the terrain'))
+    assert received.status().message.startswith('refused vents: vents.x is 900.0')
+    warn.assert_called_once_with('no vent yet: waiting for a message on vents')
 
 
 def test_no_vents_is_a_message_about_vents(local):
