@@ -5,7 +5,9 @@
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from itertools import count
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -78,6 +80,9 @@ def _shade(terrain: Terrain) -> np.ndarray:
     return np.rint(np.where(np.isfinite(shade), shade, -1.0)).astype(np.int8)
 
 
+# Names that ``vent_name`` returns.
+_NUMBERED = re.compile(r'vent (-?\d+(?:\.\d+)?(?:e[+-]\d+)?)')
+
 #: Fields of a cloud of vents, in the order of the values of ``vent_rows``.
 _ROW = ('x', 'y', 'discharge', 'temperature', 'radius', 'id', 'x_end', 'y_end', 'velocity_x',
         'velocity_y')
@@ -93,10 +98,24 @@ def vent_rows(vents: Sequence[Vent], time: float) -> list[tuple[float, ...]]:
     return [
         (
             *vent.position, vent.discharge_at(time), vent.temperature - ZERO_CELSIUS, vent.radius,
-            float(index), *(vent.end or (math.nan, math.nan)), *vent.velocity,
+            number, *(vent.end or (math.nan, math.nan)), *vent.velocity,
         )
-        for index, vent in enumerate(vents)
+        for number, vent in zip(_ids(vents), vents, strict=True)
     ]
+
+
+def vent_name(number: float) -> str:
+    """Return the name of a vent with an id in a message."""
+    # all digits, because vents with one name continue each other
+    return f'vent {number:.15g}'
+
+
+def _ids(vents: Sequence[Vent]) -> list[float]:
+    """Return the id in the name of each vent (``vent_name``), otherwise an unused whole number."""
+    found = [_NUMBERED.fullmatch(vent.name) for vent in vents]
+    given = [None if match is None else float(match[1]) for match in found]
+    free = (float(number) for number in count() if number not in given)
+    return [next(free) if number is None else number for number in given]
 
 
 def vents_message(

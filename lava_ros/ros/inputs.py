@@ -18,6 +18,7 @@ from lava_ros.bag.decoding import cloud_columns, image_array
 from lava_ros.errors import LavaError, Typed
 from lava_ros.forecast.assimilation import Mask
 from lava_ros.layers.layer import ZERO_CELSIUS
+from lava_ros.layers.messages import vent_name
 from lava_ros.ros import codec
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import (
@@ -200,8 +201,7 @@ def _end_of(point: dict[str, float]) -> tuple[float, float] | None:
 
 def _vent_of_points(points: Sequence[dict[str, float]], *, is_timed: bool) -> Vent:
     first = points[0]
-    # all digits, because vents with one name continue each other
-    name = f'vent {first["id"]:.15g}'
+    name = vent_name(first['id'])
     for key in ('temperature', 'radius', *(first.keys() & {'velocity_x', 'velocity_y'})):
         for point in points[1:]:
             # NaN differs from every value, and is refused below

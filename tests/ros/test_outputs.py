@@ -194,6 +194,23 @@ def test_vents_message_has_every_property_of_a_vent_but_its_name(end, velocity):
     assert replace(again, name='') == vent
 
 
+@pytest.mark.parametrize('ids', [[7.0, 5.0], [0.0, 1e6], [-2.0, 0.1], [3e38, 1e-30]])
+def test_vents_of_a_bag_have_the_ids_that_were_published(ids):
+    values = {name: np.full(2, 900.0) for name in (*inputs.VENT_FIELDS, 'id')}
+    values['x'], values['y'], values['id'] = np.array([105.0, 125.0]), np.full(2, 205.0), ids
+    cloud = codec.point_cloud(values, codec.header('map', 0))
+    published = inputs.vents_from_cloud(cloud, Settings())
+    named = Vent((115.0, 215.0), 6.0, 1273.15, radius=3.0, name='summit')
+    # a vent that closes does not give its id to another one
+    for vents in (published, published[1:], (named, *published)):
+        rows = vent_rows(vents, 0.0)
+        again = outputs.vents_message(rows, TERRAIN, codec.header('map', 0))
+        names = [vent.name for vent in inputs.vents_from_cloud(again, Settings())]
+        assert len(set(names)) == len(vents)
+        expected = [vent.name for vent in vents if vent is not named]
+        assert names[-len(expected):] == expected
+
+
 def test_relief_is_lit_from_the_north_west():
     y, x = np.mgrid[0:5, 0:5] * 10.0
 
