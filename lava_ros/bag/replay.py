@@ -4,7 +4,7 @@
 """Timing of a replay: when to publish each message of a bag."""
 
 from collections.abc import Callable, Collection, Iterator
-from itertools import count
+from itertools import count, takewhile
 import math
 from typing import NamedTuple
 
@@ -17,6 +17,11 @@ LOOP_PAUSE = 1.0
 
 #: Time between two clock ticks [s].
 TICK = 0.01
+
+
+#: Last part of the name of a topic whose messages do not replace each other: each publisher has
+#: transforms to other frames.
+STATIC_TRANSFORMS = 'tf_static'
 
 
 class Step(NamedTuple):
@@ -43,8 +48,8 @@ def schedule(
     """Schedule the messages of a bag.
 
     With a start offset, earlier messages are skipped, except the newest one of each latched
-    (transient_local) topic, which is due immediately: a map that was published early is still
-    valid.
+    (transient_local) topic, and all static transforms, which are due immediately: a map that was
+    published early is still valid.
 
     ``rate`` is bag time per wall time [s/s], ``start_offset`` is bag time after the first message
     [s]. A ``loop`` starts again at the offset after the end, without limit. ``topics`` are the
@@ -68,13 +73,21 @@ def schedule(
     def steps() -> Iterator[Step]:
         for number in count() if loop else range(1):
             start = number * duration
-            for message in bag.newest(latched, begin):
+            for message in _still_valid(bag, latched, begin):
                 yield Step(start, begin, message, number)
             for message in bag.messages(topics, start_ns=begin):
                 at = start + (message.stamp_ns - begin) / 1e9 / rate
                 yield Step(at, message.stamp_ns, message, number)
 
     return steps()
+
+
+def _still_valid(bag: BagReader, latched: Collection[str], begin: int) -> Iterator[BagMessage]:
+    """Yield the messages before a log time [ns] that latched topics still have."""
+    static = {name for name in latched if name.rpartition('/')[2] == STATIC_TRANSFORMS}
+    earlier = bag.messages(static) if static else iter(())
+    yield from takewhile(lambda message: message.stamp_ns < begin, earlier)
+    yield from bag.newest([name for name in latched if name not in static], begin)
 
 
 def pace(

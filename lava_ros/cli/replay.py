@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     argument('--rate', 'X', 'play X times as fast as it was recorded', 1.0),
     argument('--loop', None, 'start again at the end', action='store_true'),
     argument(
-        '--start-offset', 'TIME', 'time to skip at the start: 90s, 2min; latched maps of that '
-        'time are still published', default='0s',
+        '--start-offset', 'TIME', 'time to skip at the start: 90s, 2min; latched maps and static '
+        'transforms of that time are still published', default='0s',
     ),
     argument(
         '--clock', None, 'publish the time of the bag on /clock (default: yes)',

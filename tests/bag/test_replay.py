@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from bag.conftest import Bag, SECOND, small_bag
-from lava_ros.bag import BagReader
+from bag.conftest import Bag, GRID, SECOND, small_bag
+from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.replay import LOOP_PAUSE, pace, schedule, Step
 from lava_ros.errors import LavaError
 
@@ -66,6 +66,22 @@ def test_schedule_with_an_offset_begins_with_latched_messages(bag: Bag) -> None:
     # a map at the offset itself follows the previous map
     dues = list(islice(schedule(BagReader(directory), start_offset=3.0), 3))
     assert [due.message.stamp_ns for due in dues] == [102 * SECOND, 103 * SECOND, 103 * SECOND]
+
+
+@pytest.mark.parametrize('topic', ['/tf_static', '/etna/tf_static'])
+def test_schedule_with_an_offset_begins_with_all_static_transforms(
+    tmp_path: Path, topic: str
+) -> None:
+    """A robot and a node publish transforms to different frames on one topic."""
+    written = [(topic, 1), ('/hazard', 2), (topic, 3), ('/hazard', 4), (topic, 9)]
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        for name, second in written:
+            writer.write(name, GRID, bytes(8), second * SECOND, qos=LATCHED)
+    dues = [
+        (due.message.topic, due.message.stamp_ns // SECOND, due.at)
+        for due in schedule(BagReader(tmp_path / 'bag'), start_offset=5.0)
+    ]
+    assert dues == [(topic, 1, 0.0), (topic, 3, 0.0), ('/hazard', 4, 0.0), (topic, 9, 3.0)]
 
 
 def test_loop_repeats_after_a_pause(bag: Bag, tmp_path: Path) -> None:
