@@ -165,7 +165,11 @@ class LayerPublishers(Generic[Shown]):
     def _repeat(self, output: _Output[Shown]) -> None:
         """Send the newest map again; record it if it is not in the bag yet."""
         recorded_ns = self._heartbeat_time()
-        if output.published is None or recorded_ns is None:
+        if output.published is None or self.shown is None or recorded_ns is None:
+            return
+        if 0 < recorded_ns < self.shown_stamp_ns:
+            # the clock went back: no map may be from the future
+            self.publish(self.shown, recorded_ns, also_not_due=True, repeat=True)
             return
         message = output.message
         if message is None:

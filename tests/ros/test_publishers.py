@@ -141,6 +141,28 @@ def test_repeated_map_has_the_stamp_of_its_state(tmp_path):
     assert {topic: recorded.count(f'/{topic}') for topic in topics} == dict.fromkeys(topics, 5)
 
 
+def test_heartbeat_after_the_clock_went_back_is_not_from_the_future():
+    world = _Published('nav2_speed.yaml')
+    snapshot, _ = _small_flow()
+    world.publishers.publish(snapshot, 50 * 10**9, also_not_due=True, repeat=False)
+
+    def stamps():
+        return {
+            (topic, deserialize_message(data, OccupancyGrid).header.stamp.sec)
+            for topic, data in world.sent
+        }
+
+    topics = {layer.topic for layer in world.layers}
+    assert stamps() == {(topic, 50) for topic in topics}
+    # the maps of a paused simulation keep the stamp of the first heartbeat after the jump
+    for now in (20, 30):
+        world.sent.clear()
+        world.heartbeat_ns = now * 10**9
+        world.advance(6.0)
+        assert stamps() == {(topic, 20) for topic in topics}
+    assert world.publishers.shown_stamp_ns == 20 * 10**9
+
+
 @pytest.mark.parametrize('phase', [0.0, 0.3, 1.9])
 def test_heartbeat_is_never_late(phase):
     """No gap is longer than the heartbeat, whenever the map was published before."""
