@@ -45,6 +45,9 @@ EXPECTED = {
 # Arguments that launch itself reads.
 OF_LAUNCH = ('emulate_tty', 'ros_namespace', 'sigkill_timeout', 'sigterm_timeout')
 
+# Arguments that a replay cannot have.
+OF_SIMULATION = ('scene', 'terrain_file', 'resume', 'record')
+
 # Time between the end of a killed node and its restart [s].
 RESPAWN_DELAY = 1.0
 
@@ -150,6 +153,10 @@ def _start(context):
     given = given_parameters(context)
     params_file = existing_file(context, 'params_file')
     replay = LaunchConfiguration('replay').perform(context)
+    unused = [name for name in OF_SIMULATION if replay and name in given]
+    if unused:
+        text = 'a replay has no simulation; leave out one or the other'
+        raise RuntimeError(f'replay excludes {", ".join(unused)}: {text}')
     namespace = LaunchConfiguration('namespace')
     player = Node(
         package='lava_ros',

@@ -68,6 +68,7 @@ def test_launch_arguments_are_up_to_date():
     (BOTH, {'layers_on': 'lava_points'}, "layers_on is 'lava_points', expected a list"),
     (BOTH, {'layers_on': '[1]'}, 'layers_on .* expected a list'),
     (BOTH, {'params_file': 'none.yaml'}, "params_file is 'none.yaml', expected a file"),
+    (BOTH, {'replay': 'a', 'scene': 'b', 'record': 'true'}, 'replay excludes scene, record: a'),
     (MASKS, {'filters_file': 'none.yaml'}, "filters_file is 'none.yaml', expected a file"),
     (MASKS, {'msg_config': 'none.yaml'}, "msg_config is 'none.yaml', .* a file of layers"),
     (BOTH, {'rviz': 'true', 'missing': 'rviz2'}, 'rviz2'),
