@@ -26,6 +26,7 @@ from lava_ros.layers.spacing_error import COARSER, has_pair, pair_of, SpacingPai
 from lava_ros.runs.drive import driving
 from lava_ros.runs.sinks import PeakSink
 from lava_ros.scene import Scene, Terrain
+from lava_ros.scene.from_outline import with_outline
 from lava_ros.scene.ranges import with_ranges
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
@@ -179,7 +180,7 @@ class MemberFields:
             half_inundated=np.where(
                 footprint_cells(part), np.float32(0.0), on_part(self.half_inundated, np.nan)
             ),
-            inundated=np.maximum(on_part(self.inundated, 0.0), part),
+            inundated=with_outline(on_part(self.inundated, 0.0), part),
             peak=on_part(self.peak, 0.0),
             corner=(int(corner[0]), int(corner[1])),
         )

@@ -51,6 +51,13 @@ _USABLE = 'a folder that is new, empty, or of this ensemble'
 #: Keys of ``run.json`` that the members of a folder have in common.
 _COMMON = ('scene', 'quantities', 'elevation', 'plan', 'seed', 'susceptibility')
 
+#: Values of ``run.json`` that are digests, with the words for what they stand for.
+_DIGESTS = {
+    'elevation': 'elevation',
+    'plan.covered': 'outline from which the members start',
+    'susceptibility': 'map of --susceptibility',
+}
+
 
 class Store(RecordedFolder):
     """A folder with the finished members of one ensemble, one file each.
@@ -204,11 +211,11 @@ def _described(
     plan: Plan, *, seed: int, susceptibility: Susceptibility | None, parents: str | None
 ) -> dict[str, Any]:
     """Return the description of members, without which nothing can be read or added."""
-    elevation = np.ascontiguousarray(plan.scene.terrain.elevation)
+    covered = {} if plan.covered is None else {'covered': _digest(plan.covered)}
     plain = {
         'scene': scene_to_dict(plan.scene),
         'quantities': describe_inputs(plan.scene),
-        'elevation': hashlib.blake2b(elevation.tobytes(), digest_size=16).hexdigest(),
+        'elevation': _digest(plan.scene.terrain.elevation),
         'plan': {
             'horizon_s': plan.horizon,
             'accuracy': asdict(plan.accuracy),
@@ -218,6 +225,7 @@ def _described(
             'inundation_threshold_m': plan.threshold,
             'looks': plan.samples,
             'start_s': None if plan.start is None else plan.start.time,
+            **covered,
         },
         'seed': seed,
         'susceptibility': None if susceptibility is None else susceptibility.digest,
@@ -225,6 +233,10 @@ def _described(
     }
     # converted to the types with which it will be read
     return dict(json.loads(json.dumps(plain)))
+
+
+def _digest(grid: np.ndarray) -> str:
+    return hashlib.blake2b(np.ascontiguousarray(grid).tobytes(), digest_size=16).hexdigest()
 
 
 def is_ensemble(path: str | Path) -> bool:
@@ -390,8 +402,9 @@ def _check_same(old: Any, new: Any, folder: Path, name: str = '') -> None:
     elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
         for index, pair in enumerate(zip(old, new, strict=True)):
             _check_same(*pair, folder, f'{name}[{index}]')
-    elif isinstance(old or new, list | dict) and old != new:
-        expected = f'the folder of an ensemble with the same {name}, or another folder'
+    elif (isinstance(old or new, list | dict) or name in _DIGESTS) and old != new:
+        words = _DIGESTS.get(name, name)
+        expected = f'the folder of an ensemble with the same {words}, or another folder'
         raise LavaError('--output', str(folder), expected)
     elif old != new:
         expected = f'{old!r}, the value of the members in {folder}, or another folder'

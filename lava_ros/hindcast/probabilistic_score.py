@@ -9,15 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.errors import RefusalError
 from lava_ros.forecast.assimilation import Mask, Outline, outline_on
 from lava_ros.forecast.member_scenes import median_scene
 from lava_ros.forecast.members import make_plan, MAX_SAMPLES, Plan
 from lava_ros.forecast.probability import Footprint, footprint_by, spacing_error_of
 from lava_ros.forecast.scores import brier_parts, brier_score, reliability
 from lava_ros.hindcast.case import Case
-from lava_ros.hindcast.coarse import coarsened
-from lava_ros.hindcast.run import Settings
+from lava_ros.hindcast.run import outlined_part, Settings, simulated_scene
 from lava_ros.scene.ranges import with_ranges
 
 #: Minimum number of cells of a bin of the reliability diagram whose gap counts.
@@ -31,16 +29,13 @@ def plan_of(case: Case, settings: Settings, *, threshold: float | None = None) -
     thickness at or above which lava has arrived [m], None for the automatic one.
 
     Raises:
-        LavaError: If the case has events, or an argument is not valid.
+        LavaError: If an argument is not valid.
     """
-    if case.scene.events:
-        problem = 'An ensemble cannot use case.events: all members run on the same ground'
-        raise RefusalError('case.events', problem, 'Remove the events from the case')
     scene = with_ranges(case.scene)
     typical = replace(case, scene=median_scene(scene))
     factor = settings.coarseness(typical)
     plan = make_plan(
-        replace(scene, terrain=coarsened(scene.terrain, factor)),
+        simulated_scene(replace(case, scene=scene), factor),
         horizon=case.duration,
         accuracy=settings.accuracy(typical),
         effects=settings.effects,
@@ -50,9 +45,7 @@ def plan_of(case: Case, settings: Settings, *, threshold: float | None = None) -
     if case.initial is None:
         return plan
     # members count the outline as the maps of a run do (hindcast.run.shown_on)
-    known = np.where(scene.terrain.has_data, case.initial, np.nan)
-    covered = coarsened(replace(scene.terrain, elevation=known), factor).elevation
-    return replace(plan, covered=np.nan_to_num(covered).astype(np.float32))
+    return replace(plan, covered=outlined_part(case, factor))
 
 
 def mapped_on(case: Case, plan: Plan) -> np.ndarray:

@@ -26,6 +26,7 @@ from lava_ros.runs.scene_run import Request, SceneRun
 from lava_ros.runs.sinks import SnapshotSink, valid_snapshot
 from lava_ros.runs.store import KeepSink, RunStore
 from lava_ros.scene import Scene
+from lava_ros.scene.from_outline import with_outline
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.carriers import max_count_key
@@ -328,15 +329,38 @@ def simulate(case: Case, settings: Settings) -> Result:
 
 def shown_on(case: Case, snapshot: Snapshot) -> Snapshot:
     """Return a snapshot on the cells of a case; lava has covered the outline at its start."""
-    shown = refined(snapshot, case.scene.ground_at(snapshot.time))
+    ground = case.scene.ground_at(snapshot.time)
     if case.initial is None:
-        return shown
+        return refined(snapshot, ground)
+    assert snapshot.inundated is not None
+    outlined = outlined_part(case, round(snapshot.terrain.resolution / ground.resolution))
+    # cells in the outline become whole, so that the other cells have the rest of the area
+    rest = with_outline(snapshot.inundated, outlined) - outlined
+    outside = np.maximum(np.float32(1.0) - outlined, np.float32(1e-6))
+    shown = refined(replace(snapshot, inundated=rest / outside), ground)
     covered = case.initial & shown.terrain.has_data
     values = {'inundated': 1.0, 'arrived': 0.0, 'half_inundated': 0.0}
     return replace(shown, **{
         name: np.where(covered, np.float32(value), getattr(shown, name))
         for name, value in values.items()
     })
+
+
+def outlined_part(case: Case, factor: int) -> np.ndarray:
+    """Return the fraction of each cell in the outline from which a case starts.
+
+    Args:
+        case: A case that starts from an outline.
+        factor: Side of a cell in cells of the elevation.
+
+    Returns:
+        Fraction of the cells with data at the start, float32, shape [rows, columns].
+    """
+    terrain = case.scene.terrain
+    assert case.initial is not None
+    known = np.where(terrain.has_data, case.initial, np.nan)
+    part = coarsened(replace(terrain, elevation=known), factor).elevation
+    return np.nan_to_num(part).astype(np.float32)
 
 
 def coarseness(case: Case, accuracy: Accuracy) -> int:

@@ -90,6 +90,20 @@ def initial_flow(
     return InitialFlow(time, covered, ground, flow)
 
 
+def with_outline(inundated: np.ndarray, outlined: np.ndarray) -> np.ndarray:
+    """Return the fraction of each cell that lava has covered, with the outline of the start.
+
+    It is the larger fraction, because the lava in the outline is a part of the simulated flow,
+    which shows less of it where it is solid or thinner than the threshold.
+
+    Args:
+        inundated: Fraction of each cell that the simulated flow has covered, NaN without data, any
+            shape.
+        outlined: Fraction of each cell that is in the outline, same shape.
+    """
+    return np.maximum(inundated, outlined)
+
+
 def read_outline(path: Path, ground: Terrain) -> np.ndarray:
     """Return the cells of a terrain in a mapped outline, of areas or of a grid of 0 and 1."""
     read = read_polygons_on if path.suffix.lower() in ENDINGS else read_cover_on

@@ -13,7 +13,9 @@ import rasterio
 
 from eruption import LAVA, VENT, write_case
 from lava_ros.errors import LavaError
+from lava_ros.forecast.members import run_members
 from lava_ros.forecast.partner_runs import measure_run
+from lava_ros.forecast.sampling import Member
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.page import (
@@ -25,6 +27,7 @@ from lava_ros.hindcast.page import (
     UNKNOWN,
     write_maps,
 )
+from lava_ros.hindcast.probabilistic_score import plan_of
 from lava_ros.hindcast.replicates import agreement, directions, Orientation, run_replicates
 from lava_ros.hindcast.run import request_of, Result, Run, Settings, simulate
 from lava_ros.hindcast.score import score_snapshot
@@ -351,13 +354,18 @@ def test_a_rotated_case_has_the_same_replicates(valley, device, quarters, mirror
     np.testing.assert_array_equal(direction.rotate_back(other.share), found.share)
 
 
-def test_barrier_in_mid_eruption_holds_lava_back(valley, tmp_path):
+@pytest.fixture
+def dammed(tmp_path):
+    """Return the valley with a barrier that is built below the vent."""
     x, y = VENT
     barrier = (
         f'events:\n- time: 300\n  barrier: {{line: [[{x - 250}, {y - 250}], '
         f'[{x + 250}, {y - 250}]], height: 30, width: 20}}\n'
     )
-    dammed = load_case(write_case(tmp_path / 'dammed', hours=1, yaml=LAVA + barrier))
+    return load_case(write_case(tmp_path / 'dammed', hours=1, yaml=LAVA + barrier))
+
+
+def test_barrier_in_mid_eruption_holds_lava_back(valley, dammed):
     free, stopped = (
         np.array([
             np.nansum(run.snapshot.thickness[:37]) for run in run_replicates(case, TWO_MAPS, 2)
@@ -365,6 +373,16 @@ def test_barrier_in_mid_eruption_holds_lava_back(valley, tmp_path):
         for case in (valley, dammed)
     )
     assert free.min() > 30.0 and (stopped < 0.1 * free).all()
+
+
+def test_members_of_a_case_have_its_events(valley, dammed):
+    plans = [plan_of(case, TWO_MAPS) for case in (valley, dammed)]
+    members = [run_members(plan, [Member(1)], device='cpu')[0] for plan in plans]
+    free, stopped = (
+        member.on(plan.scene.terrain.shape)[1][:37].sum()
+        for plan, member in zip(plans, members, strict=True)
+    )
+    assert free > 10.0 and stopped < 0.1 * free
 
 
 def test_majority_is_the_area_that_half_of_the_runs_cover(valley):

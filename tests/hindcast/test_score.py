@@ -165,11 +165,10 @@ def test_members_run_on_the_cells_of_the_hindcast(etna):
     area = mapped_on(etna, coarse).sum() * 60.0**2
     assert area == pytest.approx(etna.area, rel=0.3)
     assert fine.horizon == etna.duration and not fine.effects.inertia
-    # all members run on one terrain, so a case with events is refused
     event = TerrainEvent(60.0, 'a wall', etna.scene.terrain)
     changing = replace(etna, scene=replace(etna.scene, events=(event,)))
-    with pytest.raises(LavaError, match=r'case.events'):
-        plan_of(changing, SETTINGS)
+    changed = plan_of(changing, Settings('draft', 60.0, 'cpu')).ground_at(61.0)
+    np.testing.assert_array_equal(changed.elevation, coarse.scene.terrain.elevation)
 
 
 def test_probabilities_are_scored_where_lava_could_be():

@@ -14,16 +14,24 @@ import rasterio
 from command_line import done
 from lava_ros.cli.ensemble_report import score_against_case
 from lava_ros.errors import LavaError
-from lava_ros.forecast.members import run_members
+from lava_ros.forecast.members import MemberFields, run_members
 from lava_ros.forecast.probability import EnsembleAccumulator, Footprint, footprint_of, NEVER
 from lava_ros.forecast.sampling import Member
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import FALSE_ALARM, HIT, MISS
 from lava_ros.hindcast.probabilistic_score import plan_of, start_on
 from lava_ros.hindcast.replicates import directions
-from lava_ros.hindcast.run import Settings, simulate
+from lava_ros.hindcast.run import (
+    outlined_part,
+    Settings,
+    shown_on,
+    simulate,
+    simulated_scene,
+)
 from lava_ros.hindcast.score import refer, score_outlines
 from lava_ros.scene.emplaced import profile_of
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.output.inundation import TOUCHED
 
@@ -159,12 +167,35 @@ def test_members_count_the_outline_of_the_start_as_their_hindcast_does(folder, m
     assert start.sum() * plan.scene.terrain.resolution**2 == 220 * CELL**2
     assert not arrival[start].any() and (inundated[start] >= 0.5).all()
     area = inundated.sum() * plan.scene.terrain.resolution**2
-    assert area == pytest.approx(snapshot.area(snapshot.inundated), rel=0.05)
+    assert area == pytest.approx(snapshot.area(snapshot.inundated), rel=0.02)
     tally = EnsembleAccumulator(plan)
     tally.add(footprint_of(member, plan))
     maps = tally.maps()
     assert (maps.probability[start] == 100.0).all()
     assert maps.areas(plan.scene.terrain.resolution)[0.5] == pytest.approx(area, rel=0.01)
+
+
+@pytest.mark.parametrize('factor', [1, 2, 3])
+@pytest.mark.parametrize('solidified', [0.0, 0.98])
+def test_maps_of_a_hindcast_and_of_a_member_have_one_area_of_the_same_flow(
+    folder, solidified, factor,
+):
+    case = load_case(folder, from_outline=2000, solidified=solidified)
+    simulation = Simulation(
+        simulated_scene(case, factor), accuracy=Accuracy(spacing=10.0 * factor), device='cpu'
+    )
+    simulation.advance(300.0)
+    flow = simulation.snapshot()
+    shown = shown_on(case, flow)
+    member = MemberFields(
+        0, flow.arrived, flow.half_inundated, flow.inundated, flow.thickness
+    ).with_covered(outlined_part(case, factor))
+    # an area counts parts of a cell, to which the fraction outside the outline is rounded
+    area = shown.area(shown.inundated)
+    assert area == pytest.approx(member.inundated.sum() * (CELL * factor) ** 2, rel=1e-3)
+    # no less than the outline, and than what flows
+    assert area >= max(case.initial.sum() * CELL**2, flow.area(flow.inundated)) * (1.0 - 1e-3)
+    assert (np.isfinite(shown.half_inundated) == shown.footprint).all()
 
 
 @pytest.mark.parametrize('words', [[], ['--from-outline', '2000'],
