@@ -36,11 +36,30 @@ def add_arrivals(record: dict[str, Any], files: Sequence[str], path: Path) -> Ar
     """
     if not files:
         return None
-    from lava_ros.products.arrivals import table_of
-
-    table = table_of(path, files, field='--places')
+    table = table_of_files(path, files, field='--places')
     record['places'] = table.as_dict()['places']
     return table
+
+
+def table_of_files(
+    path: str | Path, files: Sequence[str], *, field: str, **options: Any
+) -> ArrivalTable:
+    """Return the arrivals at the places of files in a run on disk; files are read first.
+
+    Args:
+        path: A bag or the folder of an ensemble.
+        files: Files for ``features.load_files``.
+        field: Name of the files in errors.
+        options: Options of ``products.arrivals.table_of``.
+
+    Raises:
+        LavaError: If a file or the run cannot be read.
+    """
+    from lava_ros.products.arrivals import table_of
+    from lava_ros.scene.features import load_files
+
+    features = [item for items in load_files(field, files).values() for item in items]
+    return table_of(path, features, **options)
 
 
 def print_arrivals(table: ArrivalTable | None) -> None:

@@ -15,7 +15,7 @@ from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, Progress, write_json
-from lava_ros.cli.options import argument, command, output_option
+from lava_ros.cli.options import argument, command, device_named, output_option
 from lava_ros.errors import LavaError, RefusalError, refusing, Typed
 from lava_ros.files import file_to_write, writable_file
 
@@ -99,7 +99,9 @@ def calibrate(args: argparse.Namespace) -> int:
         args.method, args.device, cases[0].scene, cases[0].duration, Settings().effects,
         args.preset,
     )
+    args.device = device_named(args.device, args.method)
     settings = Settings(args.preset, args.spacing, args.device, method=args.method)
+    kept_settings = _plain(args, cases, settings)
     output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))
     table = output / TABLE
     present = {item.name for item in output.iterdir()}
@@ -113,7 +115,7 @@ def calibrate(args: argparse.Namespace) -> int:
         print(f'continuing with the {len(known)} sets in {table}', file=sys.stderr)
     else:
         file_to_write('--output', table)
-    _keep_settings(args, cases, settings, output, has_runs=bool(known))
+    _keep_settings(kept_settings, output, has_runs=bool(known))
     others = {
         numbers['directions'] for sample in known for numbers in sample.numbers.values()
     } - {directions}
@@ -193,20 +195,24 @@ def calibrate(args: argparse.Namespace) -> int:
     return 0
 
 
-def _keep_settings(
-    args: argparse.Namespace, cases: Sequence[Case], settings: Settings, output: Path,
-    *, has_runs: bool,
-) -> None:
-    """Write the settings of the runs; raise LavaError if earlier runs have others."""
-    from lava_ros.files.yaml import parse_json
+def _plain(
+    args: argparse.Namespace, cases: Sequence[Case], settings: Settings
+) -> dict[str, Any]:
+    """Return the settings of the runs; raise LavaError if a run cannot have them."""
     from lava_ros.hindcast.run import identity_of
 
-    path = output / SETTINGS
-    plain: dict[str, Any] = {
+    return {
         **{f'--{name}': getattr(args, name.replace('-', '_'))
            for name in ('method', 'preset', 'spacing', 'low-pass', 'material')},
         **{f'case {case.name}': identity_of(case, settings) for case in cases},
     }
+
+
+def _keep_settings(plain: dict[str, Any], output: Path, *, has_runs: bool) -> None:
+    """Write the settings of the runs; raise LavaError if earlier runs have others."""
+    from lava_ros.files.yaml import parse_json
+
+    path = output / SETTINGS
     if has_runs:
         expected = 'a folder with the settings of its runs, or --fresh'
         with refusing('--output', str(path), expected, OSError):

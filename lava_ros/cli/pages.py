@@ -27,9 +27,10 @@ DATES = (
 def page_options(args: argparse.Namespace) -> dict[str, Any]:
     """Return the options of pages as keyword arguments of ``draw_runs``."""
     from lava_ros.products.page_layout import Imprint
+    from lava_ros.scene.features import load_files
 
     return {
-        'overlays': args.places,
+        'overlays': load_files('--places', args.places),
         'observed': args.observed,
         'extent': args.extent and _extent(args.extent),
         'scale': None if args.scale is None else _scale(args.scale),

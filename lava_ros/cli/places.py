@@ -5,7 +5,7 @@
 
 import argparse
 
-from lava_ros.cli.arrivals import print_arrivals
+from lava_ros.cli.arrivals import print_arrivals, table_of_files
 from lava_ros.cli.console import with_units, write_json
 from lava_ros.cli.options import argument, command, output_option, seconds_of
 from lava_ros.cli.pages import DATES, dates_of, ONE_RUN
@@ -31,12 +31,10 @@ def places(args: argparse.Namespace) -> int:
     lava reaches, and which places are off the map. If the start of the eruption is known, times
     are also dates.
     """
-    from lava_ros.products.arrivals import table_of
-
     if args.output is not None:
         file_to_write('--output', args.output, ('.csv',))
     time = None if args.time is None else seconds_of('--at', args.time, may_be_zero=True)
-    table = table_of(
+    table = table_of_files(
         args.bag, args.places, field='places', node=args.node, time=time, **dates_of(args)
     )
     if args.output is not None:

@@ -17,31 +17,30 @@ from lava_ros.forecast.store import maps_at
 from lava_ros.layers.place_arrivals import arrivals, ArrivalTable, flow_table
 from lava_ros.layers.places import Places, places_on
 from lava_ros.products.run_page import dated, Members, read_run, Run
-from lava_ros.scene.features import read_features
+from lava_ros.scene.features import Feature
 from lava_ros.scene.onset import Onset
 
 
 def table_of(
-    path: str | Path, files: Sequence[str | Path], *, field: str, node: str | None = None,
+    path: str | Path, features: Sequence[Feature], *, node: str | None = None,
     time: float | None = None, onset: Onset | None = None, zone: tzinfo | None = None,
 ) -> ArrivalTable:
-    """Return the arrival of lava at the points, lines and areas of files.
+    """Return the arrival of lava at points, lines and areas.
 
     Args:
         path: A bag or the folder of an ensemble.
-        files: Files for ``features.load_features``.
-        field: Name of the files in errors.
+        features: Features of ``features.load_features``, in any coordinate system.
         node: Full name or namespace of a node of the bag; None for the only one.
         time: Simulated time of a bag's maps [s]; None for the last ones.
         onset: Date of simulated time 0; None for the date that the run states, if any.
         zone: Zone of local times; None for the zone of this machine.
 
     Raises:
-        LavaError: If a file or the run cannot be read, or the run has no arrival times.
+        LavaError: If the run cannot be read or has no arrival times, or a feature cannot be placed
+            on its terrain.
     """
     run = read_run(path, node=node, time=time, wanted=('arrival',))
-    features = [item for file in files for item in read_features(field, file, run.terrain)]
-    places = places_on(features, run.terrain)
+    places = places_on([item.on(run.terrain) for item in features], run.terrain)
     if run.ensemble is not None:
         table = _table_of_members(Path(path), run, run.ensemble, places)
     else:

@@ -18,7 +18,7 @@ from lava_ros.products.arrivals import table_of
 from lava_ros.products.gis import PROBABILITIES, Provenance, write_grid
 from lava_ros.products.run_page import read_run, Run
 from lava_ros.products.sheet import draw_sheet, Panel
-from lava_ros.scene.features import read_features
+from lava_ros.scene.features import load_files
 
 #: Files of a comparison: the map of the difference, the picture, and the table of places.
 CHANGE, PICTURE, TABLE = 'probability_change', 'barriers.png', 'places.csv'
@@ -53,6 +53,7 @@ def compare_runs(
     Raises:
         LavaError: If a run or a file of places cannot be read, or a file cannot be written.
     """
+    overlays = load_files('--places', [*places, *lines])
     runs = [read_run(path, wanted=('arrival',)) for path in (without, with_barriers)]
     likely = [_probability(run) for run in runs]
     terrain = runs[1].terrain
@@ -81,8 +82,7 @@ def compare_runs(
         panels, output / PICTURE, title=f'Effect of barriers: {runs[0].title}',
         subtitle=f'{subtitle} built after {duration(built)}' if built else subtitle,
         overlays={
-            Path(path).stem: read_features('--places', path, terrain)
-            for path in (*places, *lines)
+            name: [item.on(terrain) for item in items] for name, items in overlays.items()
         },
         notes={
             term: text for term, text in runs[1].facts.items()
@@ -92,9 +92,11 @@ def compare_runs(
     files.append(output / PICTURE)
     rows = []
     if places:
+        # the files of places come first
+        found = list(overlays.values())[: len(dict.fromkeys(places))]
+        features = [item for items in found for item in items]
         tables = [
-            table_of(path, places, field='--places').as_dict()['places']
-            for path in (without, with_barriers)
+            table_of(path, features).as_dict()['places'] for path in (without, with_barriers)
         ]
         rows = [
             {'name': pair[0]['name'], 'kind': pair[0]['kind']} | {

@@ -22,7 +22,7 @@ from lava_ros.products.plot import isochrone_times, MAX_DRAWN_ISOCHRONES, Window
 from lava_ros.products.reliability import draw_reliability
 from lava_ros.products.run_page import dated, read_run, Run
 from lava_ros.products.sheet import draw_sheet, Panel
-from lava_ros.scene.features import Feature, read_features
+from lava_ros.scene.features import Feature
 from lava_ros.scene.onset import Onset
 from lava_ros.scene.projection import in_degrees, projected, system_name
 
@@ -129,7 +129,7 @@ def read_page(
     volcano: str | None = None,
     date: str | None = None,
     source: str | None = None,
-    overlays: Sequence[str] = (),
+    overlays: Mapping[str, Sequence[Feature]] = {},
     observed: str | None = None,
     extent: Sequence[float] | None = None,
     scale: float | None = None,
@@ -138,7 +138,8 @@ def read_page(
 ) -> RunsPage:
     """Read bags and ensembles for one page.
 
-    Texts and files are the options of `lava map`. ``node`` is the full name or the namespace of a
+    Texts and files are the options of `lava map`, and ``overlays`` are features of
+    ``features.load_files``. ``node`` is the full name or the namespace of a
     node of the bags, None for the only one. ``time`` is a simulated time [s], None for the last
     one; without ``layers``, the default maps are drawn. ``extent`` is west, south, east and north
     in the coordinates of the terrain [m], or in degrees; ``scale`` is the N of 1:N. Without
@@ -158,8 +159,7 @@ def read_page(
     shown = list(_shown(runs, layers))
     window = None if extent is None else _window(extent, runs)
     features = {
-        name: read_features('--places', path, runs[0].terrain)
-        for name, path in _named(overlays).items()
+        name: [item.on(runs[0].terrain) for item in items] for name, items in overlays.items()
     }
     charts: list[Callable[[Any], None]] = []
     scores = {}
@@ -193,16 +193,6 @@ def read_page(
     return RunsPage(
         runs, panels, title, subtitle, notes, features, charts, scores, window, scale
     )
-
-
-def _named(paths: Sequence[str]) -> dict[str, str]:
-    """Return files by a unique name for each: the file name, with folders where needed."""
-    names: dict[str, str] = {}
-    for path in dict.fromkeys(paths):
-        parts = Path(path).resolve().with_suffix('').parts
-        tails = ('/'.join(parts[-count:]) for count in range(1, len(parts)))
-        names[next((name for name in tails if name not in names), path)] = path
-    return names
 
 
 def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:

@@ -128,6 +128,20 @@ def load_features(field: str, path: str | Path) -> list[Feature]:
     return features
 
 
+def load_files(field: str, paths: Sequence[str | Path]) -> dict[str, list[Feature]]:
+    """Read the features of files, as ``load_features``, by a unique name of each file.
+
+    The name is that of the file without its suffix, with folders where two files would have the
+    same, and then with the suffix.
+    """
+    names: dict[str, str | Path] = {}
+    for path in dict.fromkeys(paths):
+        parts = Path(path).resolve().with_suffix('').parts
+        tails = ('/'.join(parts[-count:]) for count in range(1, len(parts)))
+        names[next((name for name in tails if name not in names), str(path))] = path
+    return {name: load_features(field, path) for name, path in names.items()}
+
+
 def _parts(where: str, geometry: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield the kind and coordinates of each part of a geometry; a point is a list of one."""
     kind = str(geometry['type'])

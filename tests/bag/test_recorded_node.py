@@ -190,7 +190,7 @@ def test_replay_asks_for_a_node_of_the_bag(
     lambda path, folder: Recording(path),
     lambda path, folder: export_bag(path, folder / 'out'),
     lambda path, folder: read_run(path),
-    lambda path, folder: table_of(path, [], field='places'),
+    lambda path, folder: table_of(path, []),
 ])
 def test_readers_ask_which_of_several_nodes(
     both: Path, tmp_path: Path, read: Callable[[Path, Path], Any]

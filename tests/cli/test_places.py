@@ -18,6 +18,7 @@ import rasterio
 from cli.conftest import ensemble_words, write_ensemble_scene, write_outline
 from command_line import done, refused
 from geodata import feature, write_features
+from lava_ros.scene.features import load_files
 from recording import growing, record, TERRAIN
 
 #: Points along the flow of the ensemble [m, map frame].
@@ -226,3 +227,28 @@ def test_reports_contain_the_table(ensemble: Path, tmp_path: Path, undrawn: None
         assert text.count('Arrival at places') == 1
         assert text.count('>farm<') == len(runs)
         assert text.count('off the map: nothing is known') == len(runs)
+
+
+@pytest.mark.parametrize('command', [
+    ['places', 'missing.mcap', 'wrong.csv'],
+    ['map', 'missing.mcap', '-o', 'a.pdf', '--places', 'wrong.csv'],
+    ['map', 'missing.mcap', '-o', 'a.html', '--places', 'wrong.csv'],
+])
+def test_files_of_places_are_read_before_the_run(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path('wrong.csv').write_text('name,x,y\nhut,a,1\n')
+    assert "wrong.csv, line 2 (hut), x is 'a', expected a finite number" in refused(*command)
+
+
+def test_each_file_of_places_has_its_own_name(tmp_path: Path) -> None:
+    names = 'huts.csv', 'huts.geojson', 'old/huts.csv'
+    (tmp_path / 'old').mkdir()
+    files = [write_features(tmp_path / name, feature('Point', (1.0, 2.0), name='hut'))
+             if name.endswith('json') else tmp_path / name for name in names]
+    for path in (files[0], files[2]):
+        path.write_text('name,x,y\nhut,1,2\n')
+    found = load_files('--places', files)
+    assert list(found) == ['huts', f'{tmp_path.name}/huts', 'old/huts']
+    assert all(len(items) == 1 for items in found.values())

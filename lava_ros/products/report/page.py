@@ -5,6 +5,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 import tempfile
 from typing import Any
@@ -121,10 +122,10 @@ def _places(
     paths: Sequence[str | Path], options: Mapping[str, Any]
 ) -> list[tuple[str, str, sections.Table]]:
     """Return the arrival at the places of the overlays: the run, a summary and a table."""
-    overlays, found = options.get('overlays', ()), []
+    overlays, found = options.get('overlays') or {}, []
     dates = {name: options.get(name) for name in ('node', 'onset', 'zone')}
     for path in paths if overlays else ():
-        table = table_of(path, overlays, field='--places', **dates)
+        table = table_of(path, list(chain.from_iterable(overlays.values())), **dates)
         head, *rows = table.as_texts()
         found.append((str(path), table.summary, sections.Table(head, rows)))
     return found

@@ -25,6 +25,7 @@ from lava_ros.products.report.sections import depth_table, facts, warnings
 from lava_ros.products.report.summary import summarize
 from lava_ros.products.run_page import read_run
 from lava_ros.products.run_warnings import warnings_of_recording
+from lava_ros.scene.features import load_files
 from lava_ros.scene.onset import Onset
 from lava_ros.simulation.output.budget import VolumeBudget
 from products.report.conftest import HOSTILE
@@ -260,7 +261,7 @@ def test_options_of_pages_apply_to_a_single_bag(run, tmp_path):
     x, y = TERRAIN.offset
     places.write_text(f'x,y,name\n{x - 40},{y + 95},town\n')
     write_report(
-        [run], tmp_path / 'a.html', overlays=[str(places)],
+        [run], tmp_path / 'a.html', overlays=load_files('--places', [places]),
         onset=Onset.from_text('2021-09-19T15:10Z'), imprint=Imprint('A. Author'),
     )
     text = (tmp_path / 'a.html').read_text(encoding='utf-8')
