@@ -74,6 +74,14 @@ ENDINGS = tuple(f'.{ending}' for ending in (*FORMATS, *ALIASES, *ARCHIVES))
 #: Parts of a Shapefile that are read and written; the first three are required.
 _PARTS = ('.shp', '.shx', '.dbf', '.prj', '.cpg')
 
+#: Names in a Shapefile, which holds 10 letters, of attributes that would lose their unit.
+SHAPEFILE_NAMES = {
+    'inundation_threshold_m': 'thresh_m',
+    'inundated_area_m2': 'inund_m2',
+    'cells_area_m2': 'cells_m2',
+    'probability_percent': 'prob_pct',
+}
+
 #: A feature: name in errors, geometry of GeoJSON, definition of the coordinate system (None:
 #: unknown), and attributes.
 Item = tuple[str, Mapping[str, Any] | None, str | None, Mapping[str, Any]]
@@ -230,7 +238,8 @@ def write_vectors(
             # written as dates, the values would lose their time zone
             meta, _, geometry, values = raw.read(text.encode(), DATE_AS_STRING='YES')
             raw.write(
-                place, geometry, values, meta['fields'], layer=name, driver=driver,
+                place, geometry, values, _named_for(driver, meta['fields']), layer=name,
+                driver=driver,
                 geometry_type=features[0]['geometry']['type'], crs=crs, append=place.exists(),
                 layer_options=options,
             )
@@ -243,6 +252,12 @@ def write_vectors(
             written.append(folder / f'{place.name.partition(".")[0]}{suffix}')
             write_output('output', written[-1], data)
     return written
+
+
+def _named_for(driver: str, fields: Sequence[str]) -> list[str]:
+    """Return the names of attributes in files of a GDAL driver."""
+    names = SHAPEFILE_NAMES if driver == 'ESRI Shapefile' else {}
+    return [names.get(name, name) for name in fields]
 
 
 def geometries_of_wkt(field: str, texts: Sequence[str]) -> list[Mapping[str, Any] | None]:

@@ -168,7 +168,8 @@ def export_bag(
                 f'{threshold:g} m'
             )
         elif name == 'inundated' and last.inundated is not None:
-            write(name, last, (last.inundated, _inundated_tags(last)), f'{name}.tif')
+            made = last.inundated, _inundated_tags(last, origin.onset)
+            write(name, last, made, f'{name}.tif')
         elif name != 'inundated' and history.frame is not None:
             write(name, history.frame, _history_map(name, history), f'{name}.tif')
     end = georeference_in(last.scene)
@@ -260,21 +261,24 @@ def _layer_map(name: str, frame: Frame, onset: Onset | None) -> gis.Made:
         # 0 is the value of cells without lava
         values = np.nan_to_num(np.clip(np.rint(values), 1, 100))
     values = np.where(np.isfinite(frame.elevation), values, np.float32(np.nan))
-    tags = _layer_tags(shown)
-    if frame.time is not None:
-        tags['simulated_time_s'] = repr(frame.time)
-        if onset is not None:
-            tags['date_utc'] = onset.utc(frame.time)
-    return values, tags
+    return values, _layer_tags(shown) | _time_tags(frame, onset)
 
 
-def _inundated_tags(frame: Frame) -> dict[str, str]:
+def _time_tags(frame: Frame, onset: Onset | None) -> dict[str, str]:
+    """Return tags of the time of a frame, with the date if the onset is known."""
+    if frame.time is None:
+        return {}
+    date = {} if onset is None else {'date_utc': onset.utc(frame.time)}
+    return {'simulated_time_s': repr(frame.time), **date}
+
+
+def _inundated_tags(frame: Frame, onset: Onset | None) -> dict[str, str]:
     """Return tags of the inundated fractions of a frame."""
     assert frame.inundated is not None
     return {
         'inundation_threshold_m': repr(frame.threshold),
         'inundated_area_m2': repr(frame.area(frame.inundated)),
-        **({} if frame.time is None else {'simulated_time_s': repr(frame.time)}),
+        **_time_tags(frame, onset),
     }
 
 

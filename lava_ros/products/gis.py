@@ -356,6 +356,9 @@ def _grid_mapping(crs: Any) -> dict[str, str | float]:
 
 
 def _describe(item: Any, values: Mapping[str, str | float]) -> None:
-    """Set attributes of a NetCDF file or variable; scipy accepts non-ASCII text as bytes."""
+    """Set attributes of a NetCDF file or variable.
+
+    scipy accepts non-ASCII text as bytes, and rounds a Python float to single precision.
+    """
     for name, value in values.items():
-        setattr(item, name, value.encode() if isinstance(value, str) else value)
+        setattr(item, name, value.encode() if isinstance(value, str) else np.float64(value))

@@ -20,7 +20,7 @@ from command_line import lava
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.cli.main import main
 from lava_ros.errors import LavaError
-from lava_ros.files.vectors import WRITTEN
+from lava_ros.files.vectors import SHAPEFILE_NAMES, WRITTEN
 from lava_ros.layers.layer import HAZARD_CLASSES
 from lava_ros.layers.recording import Recording
 from lava_ros.products import gis
@@ -380,10 +380,11 @@ def test_vector_formats_keep_features_and_positions(ending, bag, tmp_path):
     (outline,) = (item for item in areas if 'time_s' not in item.properties)
     times = {float(item.properties['time_s']) for item in areas if item is not outline}
     assert times == {300.0, 600.0, 900.0}
-    # a Shapefile cuts names to 10 letters
-    name = 'inundation_threshold_m' if ending not in ('shp', 'zip') else 'inundation'
+    # a Shapefile holds names of 10 letters
+    names = SHAPEFILE_NAMES if ending in ('shp', 'zip') else {}
+    name = names.get('inundation_threshold_m', 'inundation_threshold_m')
     assert {float(item.properties[name]) for item in areas} == {0.1}
-    name = 'cells_area_m2' if ending not in ('shp', 'zip') else 'cells_area'
+    name = names.get('cells_area_m2', 'cells_area_m2')
     assert float(outline.properties[name]) == 2000.0
     (ring,) = outline.on(TERRAIN).rings
     ends = [(499_950.0, 4_180_070.0), (499_990.0, 4_180_120.0)]
@@ -406,6 +407,9 @@ def test_netcdf_has_all_maps(bag, tmp_path):
         assert file.crs == coordinate_system(32633) and file.units == ('m',)
         assert file.tags()['crs#grid_mapping_name'] == 'transverse_mercator'
         assert float(file.tags()['crs#longitude_of_central_meridian']) == 15.0
+        # not rounded to single precision
+        assert float(file.tags()['crs#scale_factor_at_central_meridian']) == 0.9996
+        assert float(file.tags()['crs#inverse_flattening']) == 298.257223563
         (inside,), (outside,) = file.sample([(499_952.5, 4_180_072.5), (500_100.0, 4_180_072.5)])
     assert inside == np.float32(3.26) and np.isnan(outside)
     # its variables and the file have the tags of the GeoTIFFs
@@ -420,6 +424,33 @@ def test_netcdf_has_all_maps(bag, tmp_path):
         shared = {key.partition('#')[2]: value for key, value in shared.items()}
         assert {key: {**shared, **own}[key] for key in tags} == tags
         assert 'inundation_threshold_m' in own or name != 'arrival'
+
+
+def test_all_maps_of_one_time_have_its_date(tmp_path):
+    bag = record(
+        tmp_path / 'bag', arrived=lambda time: np.where(growing(time) > 0.1, 60.0, np.nan),
+        custom_data={'onset': '2021-09-19T16:00:00+02:00'},
+    )
+    dates = {}
+    for path in export_bag(bag, tmp_path / 'out', formats=['tif']).files:
+        with rasterio.open(path) as file:
+            if 'simulated_time_s' in file.tags():
+                dates[path.stem] = file.tags().get('date_utc')
+    assert set(dates) == {'thickness', 'temperature', 'hazard', 'inundated'}
+    assert set(dates.values()) == {'2021-09-19T14:13:20Z'}
+
+
+def test_attributes_with_a_unit_keep_it_in_a_shapefile():
+    """Two names that are cut to the same letters would also be one column."""
+    terrain, cells = Terrain(np.zeros((2, 2)), 1.0), np.ones((2, 2), bool)
+    known = {'inundation_threshold_m': 0.1, 'inundated_area_m2': 4.0}
+    features = gis.probabilities(100.0 * cells, terrain, **known)
+    features += gis.isochrones(900.0 * cells, terrain, **known)
+    names = {name for item in features for name in item['properties']}
+    long = {name for name in names if len(name) > 10}
+    assert long == set(SHAPEFILE_NAMES)
+    assert max(map(len, SHAPEFILE_NAMES.values())) <= 10
+    assert len({*names - long, *SHAPEFILE_NAMES.values()}) == len(names)
 
 
 @pytest.mark.parametrize('ending', WRITTEN)
