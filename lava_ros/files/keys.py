@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 from lava_ros import validation
+from lava_ros.errors import LavaError
 
 Schema = dict[str, Any]
 
@@ -87,10 +88,15 @@ class Keys:
         """Return a mapping after a check of its keys, not of its values.
 
         Raises:
-            LavaError: If the value is not a mapping with these keys.
+            LavaError: If the value is not a mapping with these keys, or a key has no value.
         """
         required = [name for name, key in self.keys.items() if key.is_required]
-        return validation.keys(where, value, allowed=self.keys, required=required)
+        found = validation.keys(where, value, allowed=self.keys, required=required)
+        for name in (name for name, item in found.items() if item is None):
+            if (check := self.keys[name].check) is not None:
+                check(f'{where}.{name}', None)
+            raise LavaError(f'{where}.{name}', None, 'a value; to leave it out, leave out the key')
+        return found
 
     def values(self, where: str, data: Mapping[str, Any]) -> dict[str, Any]:
         """Return valid values in place of those of a mapping; others have no check here.

@@ -18,6 +18,7 @@ from lava_ros.scene.effusion_rates import (
     error_of_rates,
     Interval,
     Options,
+    RATE_KEYS,
     read_effusion_rates,
     series_of_rates,
 )
@@ -122,7 +123,7 @@ def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         label = f'vents[{index}].effusion_rate'
         name = validation.text(f'{label}.file', rate.get('file'), 'the name of a table')
         rest = {key: value for key, value in rate.items() if key != 'file'}
-        options = validation.build(Options, label, rest)
+        options = validation.build(Options, label, RATE_KEYS.names(label, rest))
         if options.start is None and onset is not None:
             options = replace(options, start=date_text(onset))
         rates, origin = read_effusion_rates(label, folder / name, options)

@@ -26,6 +26,7 @@ from lava_ros.scene.distributions import (
     KINDS,
     Roughness,
     ROUGHNESS_KEYS,
+    WITH_LIMITS,
     WORDS,
 )
 from lava_ros.scene.lava import Lava
@@ -72,9 +73,9 @@ class EruptionClass:
         object.__setattr__(self, 'probability', value)
         for name in ('duration', 'volume'):
             item = getattr(self, name)
-            if not isinstance(item, Distribution) or item.support[0] < 0.0:
-                expected = 'a distribution of values above 0: lognormal, loguniform or with limits'
-                raise LavaError(f'{where}.{name}', item, expected)
+            if not isinstance(item, Distribution):
+                raise LavaError(f'{where}.{name}', item, 'a Distribution')
+            _check_above_0(f'{where}.{name}', item, 'values')
         validation.text(f'{where}.name', self.name)
 
 
@@ -120,11 +121,8 @@ class Uncertainty:
             kind = kinds.get(item.name, Distribution)
             if value is not None and not isinstance(value, kind):
                 raise LavaError(label, value, f'a {kind.__name__} or None')
-            if not isinstance(value, Distribution) or item.name not in FACTORS:
-                continue
-            if value.support[0] < 0.0:
-                expected = 'a distribution of factors, above 0: lognormal, or with limits'
-                raise LavaError(label, value, expected)
+            if isinstance(value, Distribution) and item.name in FACTORS:
+                _check_above_0(label, value, 'factors')
         for name, one in self.drawn.items():
             leader = getattr(one, 'follows', '').removeprefix('-')
             if leader and not self.is_followed(leader, name):
@@ -191,10 +189,26 @@ def _distribution(where: str, data: object) -> Distribution:
     return validation.build(Distribution, where, parts | _words(values))
 
 
+def _check_above_0(where: str, found: Distribution, of: str) -> None:
+    """Raise LavaError, with the number or the word at fault, for values that may be below 0."""
+    if found.support[0] >= 0.0:
+        return
+    shown: dict[str, object] = {'distribution': found.kind}
+    if found.limits:
+        shown = {'limits': found.limits}
+    elif found.kind not in WITH_LIMITS:
+        shown = {'low': found.support[0]}
+    (name, value), = shown.items()
+    expected = f'a distribution of {of} above 0: lognormal, loguniform or with limits'
+    raise LavaError(f'{where}.{name}', value, expected)
+
+
 def _rate(where: str, data: object) -> Distribution:
     if isinstance(data, Mapping) and 'measured' in data:
         return RATE_ERRORS[MEASURED_KEYS(where, data)['measured']]
-    return _distribution(where, data)
+    found = _distribution(where, data)
+    _check_above_0(where, found, 'factors')
+    return found
 
 
 def _terrain(where: str, data: object) -> Roughness:

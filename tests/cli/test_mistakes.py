@@ -308,6 +308,9 @@ NUMBERS = {
         'scene.yaml', 'lava:', 'uncertainty: {discharge: {distribution: lognormal, median: 1, '
         'factor: 2, limits: [7, NUMBER]}}\nlava:', '',
         'uncertainty.discharge.limits[1] is NUMBER'),
+    'factor without limits': (
+        'scene.yaml', 'lava:', 'uncertainty: {effusion_rate: {distribution: uniform, low: NUMBER, '
+        'high: 2}}\nlava:', '', 'uncertainty.effusion_rate.low is NUMBER'),
     'constant': (
         'scene.yaml', 'material: etna_basalt', 'viscosity: NUMBER', '',
         'lava.viscosity is NUMBER'),

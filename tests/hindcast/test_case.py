@@ -293,6 +293,11 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     ),
     'unknown constant': ({'case.yaml': 'lava: {colour: 3}'}, 'case.lava.colour: unknown key'),
     'end before start': ({'case.yaml': 'end: -5'}, 'case.end ... -5 ... above 0 s'),
+    **{
+        f'no value of {name}': (
+            {'case.yaml': f'{name}:'}, f'case.{name} is missing ... expected a',
+        ) for name in ('from_outline', 'sea_level', 'title', 'epsg')
+    },
     'another system': (
         {'case.yaml': 'epsg: 4326'},
         'terrain latitude ... 4180600 ... degrees north or south, or metres',

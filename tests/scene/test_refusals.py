@@ -9,6 +9,7 @@ import pytest
 from geodata import feature, write_features, write_raster, write_scene
 from lava_ros.errors import LavaError
 from lava_ros.scene import scene_from_yaml
+from lava_ros.scene.terrain_files import TERRAIN_OPTIONS
 
 #: Lower-left corner of the ground: 30 x 24 cells of 20 m.
 CORNER = (500_000.0, 4_180_000.0)
@@ -36,6 +37,10 @@ REFUSED = [
     (AT + 'discharge: 5, end: [500240, 4180100]}]', 'vents[0].end',
      'as easting and northing (the key projected_end), it would be on the terrain'),
     (AT + 'discharge: 5, effusion_rate: 5}]', RATE, 'and discharge exclude each other'),
+    (AT + 'effusion_rate: {file: rates.csv, porosity: }}]', f'{RATE}.porosity', 'is missing'),
+    ('onset:', 'scene.onset', 'is missing, expected a value; to leave it out'),
+    *((f'terrain: {{file: ground.npz, {name}: }}', f'scene.terrain.{name}', 'is missing')
+      for name in TERRAIN_OPTIONS),
     (AT + 'name: a}]', RATE, 'is missing, expected a value'),
     ('vents: [{position: [240, 100], radius: 5e-324, discharge: 5}]', 'vents[0].radius',
      'is 5e-324, expected a finite number above 0'),
@@ -73,7 +78,10 @@ REFUSED = [
         ('{discharge: 1.5}', '.discharge', 'a mapping with distribution'),
         ('{discharge: {distribution: gamma}}', '.discharge.distribution', 'one of normal'),
         ('{discharge: {distribution: lognormal, median: 1}}', '.discharge.factor', 'required'),
-        ('{viscosity: {distribution: normal, mean: 1, deviation: 0.1}}', '.viscosity', 'factors'),
+        ('{viscosity: {distribution: normal, mean: 1, deviation: 0.1}}',
+         '.viscosity.distribution', "is 'normal', expected a distribution of factors"),
+        ('{effusion_rate: {distribution: normal, mean: 1, deviation: 1, limits: [-1, 2]}}',
+         '.effusion_rate.limits', 'is (-1, 2), expected a distribution of factors'),
         ('{viscosity: {distribution: uniform, low: 2, high: 1}}', '.viscosity.high', 'above low'),
         ('{viscosity: {distribution: triangular, low: 1, mode: 3, high: 2}}', '.viscosity.mode',
          'from low'),
@@ -87,7 +95,7 @@ REFUSED = [
         ('{eruption: {}}', '.eruption', 'a list of classes'),
         ('{eruption: [{probability: 1}]}', '.eruption[0].duration', 'required'),
         (f'{{eruption: [{{probability: 1, duration: {UNIFORM}, volume: {NORMAL}}}]}}',
-         '.eruption[0].volume', 'values above 0'),
+         '.eruption[0].volume.distribution', "is 'normal', expected a distribution of values"),
     )),
 ]
 
