@@ -38,8 +38,8 @@ class RunFolder(RunStore):
         Args:
             path: The folder, as for ``RunStore``.
             scene: The scene of the run.
-            record: Contents of ``run.json``, with ``identity`` and ``program``.
-            data: Description of the bag in addition to its scene.
+            record: Contents of ``run.json``, with ``identity``, ``program`` and ``begun``.
+            data: Description of the bag in addition to its scene and the date of its begin.
 
         Raises:
             LavaError: As for ``RunStore``.
@@ -48,7 +48,8 @@ class RunFolder(RunStore):
         former = bag_in(path)
         with refusing('--output', str(path), 'a writable folder', OSError):
             maps = next(item for item in numbered(path / MAPS) if not item.exists())
-            self.bag = RunBag(maps, scene, data)
+            # a resumed run was begun by an earlier command
+            self.bag = RunBag(maps, scene, {**data, 'begun': self.record['begun']})
             if self.checkpoint is None:
                 self.bag.put_scene(scene, 0.0, START_NS)
             else:

@@ -105,7 +105,7 @@ class SceneRun:
             'wall_time_s': 0.0, 'effects': [],
         }
         times = json.dumps(list(map(float, request.times)))
-        data = {**request.data, 'begun': record['begun'], MAP_TIMES: times}
+        data = {**request.data, MAP_TIMES: times}
         self.folder = RunFolder(path, scene, record, data)
         self._earlier, self._begun = self.folder.record['wall_time_s'], wall_clock.monotonic()
         self._wall_time: float | None = None

@@ -24,7 +24,7 @@ from lava_ros.runs import store
 from lava_ros.runs.drive import Sink
 from lava_ros.runs.provenance import identity_of
 from lava_ros.runs.scene_run import Request, SceneRun
-from lava_ros.runs.store import CHECKPOINT, known_record
+from lava_ros.runs.store import CHECKPOINT, known_record, write_record
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.input_files import digests, files_in
@@ -178,6 +178,7 @@ def test_interrupted_run_continues_with_the_same_result(whole, tmp_path, monkeyp
     interrupted(folder, monkeypatch)
     assert not BagReader(folder).recovered
     assert known_record(folder)['status'] == 'running'
+    write_record(folder, {**known_record(folder), 'begun': '2021-09-19T14:10:00Z'})
     again = SceneRun(request(folder))
     assert again.is_resumed
     assert again.simulation.time < 200.0
@@ -191,6 +192,8 @@ def test_interrupted_run_continues_with_the_same_result(whole, tmp_path, monkeyp
     assert frames == expected
     assert {path.name for path in folder.iterdir()} == {'run.json', 'maps_2'}
     known = known_record(whole.folder.path)
+    # of the first command, also in the bag, from which pages take the date of the computation
+    assert BagReader(folder).custom_data['begun'] == record['begun'] == '2021-09-19T14:10:00Z'
     same = record.keys() - {'maps', 'wall_time_s', 'begun', 'effects'}
     assert {name: record[name] for name in same} == {name: known[name] for name in same}
 
