@@ -39,7 +39,7 @@ def barrier(args: argparse.Namespace) -> int:
     from lava_ros.products.gis import Provenance, write_grid
     from lava_ros.scene.reshaping import Barrier, low_pass, read_barriers, with_barriers
     from lava_ros.scene.source import SceneSource
-    from lava_ros.scene.terrain_files import barrier_tags
+    from lava_ros.scene.terrain_files import geotiff_tags
     from lava_ros.scene.typed_places import place_as_typed
 
     if not args.line and not args.lines and not args.low_pass:
@@ -69,7 +69,7 @@ def barrier(args: argparse.Namespace) -> int:
     for item in barriers:
         print(item.text())
     origin = Provenance(Path(args.terrain).name, effects=(), preset='none')
-    write_grid(output, 'elevation', terrain.elevation, terrain, origin, barrier_tags(terrain))
+    write_grid(output, 'elevation', terrain.elevation, terrain, origin, geotiff_tags(terrain))
     if barriers:
         added = (terrain.elevation - before.elevation)[terrain.has_data]
         crest = max(item.crest_on(terrain.resolution) for item in barriers)

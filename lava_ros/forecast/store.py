@@ -28,7 +28,7 @@ from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.layers.forecast import HazardMaps
 from lava_ros.layers.places import Places
 from lava_ros.layers.spacing_error import SpacingPair
-from lava_ros.runs.provenance import description
+from lava_ros.runs.provenance import description, program
 from lava_ros.runs.store import is_usable, known_record, RecordedFolder
 from lava_ros.scene import MAX_ELEVATION, scene_to_dict
 from lava_ros.scene.ranges import describe_inputs
@@ -105,7 +105,13 @@ class Store(RecordedFolder):
             **_described(self.plan, **self._drawn), 'maps': BAG,
         }
         if known := known_record(folder):
-            begun |= {name: known.get(name) for name in ('begun', 'numerical_error')}
+            earlier, now = (item['program'].get('commit') for item in (known, begun))
+            if earlier != now:
+                _LOG.warning(
+                    f'the members in {folder} were computed by commit {earlier} of lava_ros, and '
+                    f'further ones by {now}: delete the folder to compute all by one'
+                )
+            begun |= {name: known.get(name) for name in ('program', 'begun', 'numerical_error')}
         super().__init__(folder, begun)
         with refusing('--output', str(folder), 'a writable folder', OSError):
             self._members.mkdir(exist_ok=True)
@@ -123,7 +129,9 @@ class Store(RecordedFolder):
             for path in self._members.glob('*.npz'):
                 path.unlink()
         # the error was measured with other effects
-        self.put({**_described(self.plan, **self._drawn), 'numerical_error': None})
+        self.put({
+            **_described(self.plan, **self._drawn), 'numerical_error': None, 'program': program(),
+        })
 
     def write(self, footprint: Footprint) -> None:
         """Write a member.

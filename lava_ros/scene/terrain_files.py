@@ -49,6 +49,9 @@ DEMO = Path(__file__).with_name('st_helens.npz')
 #: GeoTIFF tag or .npz key of the barrier crests, as JSON.
 _BARRIERS = 'lava_ros_barriers'
 
+#: GeoTIFF tag of the sea level [m].
+_SEA_LEVEL = 'lava_ros_sea_level'
+
 NPZ_KEYS = (
     'elevation', 'resolution', 'origin', 'epsg', 'wkt', 'offset', 'source', 'sea_level', _BARRIERS,
 )
@@ -129,8 +132,8 @@ def load_terrain(
         fill_holes: True to interpolate enclosed cells without data, and pits of a single cell.
         nodata: Value of cells without data as stored in the file, in addition to that which the
             file declares; ``'none'`` if all undeclared values are ground.
-        sea_level: Elevation [m] at or below which a cell is sea, None for that of an .npz file,
-            otherwise no sea.
+        sea_level: Elevation [m] at or below which a cell is sea, None for that of an .npz file or
+            of a file of ``lava barrier``, otherwise no sea.
         insist: True to accept elevations and cells that cannot be.
 
     Raises:
@@ -221,10 +224,12 @@ def _read_gdal(
     if place.b or place.d or place.a <= 0.0:
         raise LavaError('terrain file', str(path), 'a grid with north up (gdalwarp makes one)')
     code = epsg_of(crs, (place.c, place.f)) if crs else None
+    own = _sea_level(band.tags, path)
     cell = abs(place.e) * metres_per_unit(crs if epsg is None else coordinate_system(epsg))
     # missing data have a stored value, without unit and scale
     stored = _with_missing(
-        band.stored.filled(np.nan), cell, nodata, path, band.scale, sea=sea_level
+        band.stored.filled(np.nan), cell, nodata, path, band.scale,
+        sea=own if sea_level is None else sea_level,
     )
     elevation = band.converted(stored)
     if place.e < 0.0:
@@ -237,6 +242,7 @@ def _read_gdal(
         epsg=code,
         wkt=crs.to_wkt() if crs and None in (code, crs.to_epsg()) else None,
         barriers=_barriers(band.tags, code, path),
+        sea_level=own,
     )
 
 
@@ -245,6 +251,23 @@ def barrier_tags(terrain: Terrain) -> dict[str, str]:
     if not terrain.barriers:
         return {}
     return {_BARRIERS: json.dumps({'epsg': terrain.epsg, 'crests': terrain.barriers})}
+
+
+def geotiff_tags(terrain: Terrain) -> dict[str, str]:
+    """Return the tags of a GeoTIFF of a terrain with what its cells do not show."""
+    level = terrain.sea_level
+    return barrier_tags(terrain) | ({} if level is None else {_SEA_LEVEL: f'{level:.17g}'})
+
+
+def _sea_level(tags: Mapping[str, object], path: Path) -> float | None:
+    """Return the sea level of a file, which bounds the flow; None without one.
+
+    Raises:
+        LavaError: If it is damaged.
+    """
+    if _SEA_LEVEL not in tags:
+        return None
+    return SEA_LEVEL_CHECK(f'{_SEA_LEVEL} of {path.name}', str(tags[_SEA_LEVEL]))
 
 
 def _barriers(

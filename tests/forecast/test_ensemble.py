@@ -30,6 +30,8 @@ from lava_ros.layers.forecast import HazardMaps
 from lava_ros.layers.places import Places
 from lava_ros.layers.spacing_error import pair_of
 from lava_ros.processes.requests import ChildProcess
+from lava_ros.runs.provenance import program
+from lava_ros.runs.store import known_record, write_record
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation.accuracy import Accuracy
 from slope_scenes import uncertain_scene
@@ -188,6 +190,20 @@ def test_folder_of_another_ensemble_is_refused(tmp_path: Path) -> None:
     for name in 'bc':
         with pytest.raises(LavaError, match='--output'):
             Store(tmp_path / name, PLAN)
+
+
+def test_members_keep_the_program_that_computed_them(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = Store(tmp_path, PLAN)
+    assert not caplog.text
+    write_record(tmp_path, folder.record | {'program': program() | {'commit': 'abc'}})
+    folder.close()
+    folder = Store(tmp_path, PLAN)
+    assert 'were computed by commit abc' in caplog.text
+    assert known_record(tmp_path)['program']['commit'] == 'abc'
+    folder.restart(())
+    assert known_record(tmp_path)['program'] == program()
 
 
 def test_an_outline_weighs_finished_members(tmp_path: Path) -> None:

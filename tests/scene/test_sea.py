@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from command_line import done
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, scene_from_dict, scene_from_yaml, scene_to_dict, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
@@ -124,6 +125,17 @@ def test_changed_terrain_keeps_coast_and_sea(change):
     assert changed.sea_level == 0.0
     part = changed.is_sea.mean()
     assert part == pytest.approx(0.5, abs=0.02) and np.isfinite(changed.elevation).all()
+
+
+def test_geotiff_of_lava_barrier_keeps_the_sea(tmp_path):
+    place = {'resolution': 10.0, 'epsg': 32633, 'sea_level': -12.3}
+    np.savez(tmp_path / 'coast.npz', elevation=HEIGHT, **place)
+    words = ['--line', '100,20', '100,280', '--height', '5']
+    done('barrier', tmp_path / 'coast.npz', '-o', tmp_path / 'dam.tif', *words)
+    before, after = (load_terrain(tmp_path / name) for name in ('coast.npz', 'dam.tif'))
+    assert after.sea_level == before.sea_level == -12.3
+    np.testing.assert_array_equal(after.is_sea, before.is_sea)
+    assert load_terrain(tmp_path / 'dam.tif', sea_level=-20.0).sea_level == -20.0
 
 
 def test_description_of_a_scene_has_the_sea():
