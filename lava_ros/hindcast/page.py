@@ -19,7 +19,7 @@ from lava_ros.hindcast.run import coarseness, Result
 from lava_ros.hindcast.score import Score
 from lava_ros.layers.frame import frame_of
 from lava_ros.layers.numbers import area_words, duration, percent
-from lava_ros.products.gis import Provenance, write_grid
+from lava_ros.products.gis import Provenance, time_tags, write_grid
 from lava_ros.products.raster_layers import NODATA
 from lava_ros.products.report.static_page import write_static_page
 from lava_ros.products.run_warnings import sentences
@@ -228,12 +228,13 @@ def write_maps(
     compared = replace(origin, observation=f'mapped flow field of {case.name}')
     tags = {
         'inundation_threshold_m': repr(snapshot.threshold),
-        'simulated_time_s': repr(snapshot.time),
+        **time_tags(snapshot.time, case.onset),
     }
+    more = {'inundated': {'inundated_area_m2': repr(snapshot.area(snapshot.inundated))}}
     return [
         write_grid(
             folder / f'{name}.tif', name, np.where(terrain.has_data, values, np.float32(np.nan)),
-            terrain, compared if name == 'comparison' else origin, tags,
+            terrain, compared if name == 'comparison' else origin, tags | more.get(name, {}),
         )[0]
         for name, values in maps.items()
     ]

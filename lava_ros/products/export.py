@@ -261,15 +261,7 @@ def _layer_map(name: str, frame: Frame, onset: Onset | None) -> gis.Made:
         # 0 is the value of cells without lava
         values = np.nan_to_num(np.clip(np.rint(values), 1, 100))
     values = np.where(np.isfinite(frame.elevation), values, np.float32(np.nan))
-    return values, _layer_tags(shown) | _time_tags(frame, onset)
-
-
-def _time_tags(frame: Frame, onset: Onset | None) -> dict[str, str]:
-    """Return tags of the time of a frame, with the date if the onset is known."""
-    if frame.time is None:
-        return {}
-    date = {} if onset is None else {'date_utc': onset.utc(frame.time)}
-    return {'simulated_time_s': repr(frame.time), **date}
+    return values, _layer_tags(shown) | gis.time_tags(frame.time, onset)
 
 
 def _inundated_tags(frame: Frame, onset: Onset | None) -> dict[str, str]:
@@ -278,7 +270,7 @@ def _inundated_tags(frame: Frame, onset: Onset | None) -> dict[str, str]:
     return {
         'inundation_threshold_m': repr(frame.threshold),
         'inundated_area_m2': repr(frame.area(frame.inundated)),
-        **_time_tags(frame, onset),
+        **gis.time_tags(frame.time, onset),
     }
 
 

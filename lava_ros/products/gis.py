@@ -71,6 +71,14 @@ class Provenance:
         }
 
 
+def time_tags(time: float | None, onset: Onset | None) -> dict[str, str]:
+    """Return the tags of a map of a simulated time [s], with its date if the onset is known."""
+    if time is None:
+        return {}
+    date = {} if onset is None else {'date_utc': onset.utc(time)}
+    return {'simulated_time_s': repr(time), **date}
+
+
 def write_grid(
     path: Path,
     name: str,

@@ -201,6 +201,8 @@ def test_maps_of_a_hindcast_and_of_a_member_have_one_area_of_the_same_flow(
 @pytest.mark.parametrize('words', [[], ['--from-outline', '2000'],
                                    ['--from-outline', '2000', '--solidified', '0.3']])
 def test_areas_and_cells_of_a_hindcast_agree_in_all_files(folder, tmp_path_factory, words):
+    with (folder / 'case.yaml').open('a') as file:
+        file.write('effusion_rate: {start: 2021-09-19T14:10:00Z}\n')
     out, maps = (tmp_path_factory.mktemp(name) for name in ('out', 'maps'))
     more = ['--preset', 'draft', '--spacing', '20', '--device', 'cpu', '--maps', '1']
     done('run', folder, *words, *more, '-o', out)
@@ -213,6 +215,10 @@ def test_areas_and_cells_of_a_hindcast_agree_in_all_files(folder, tmp_path_facto
     counts = {name: (codes == code).sum()
               for name, code in (('hits', HIT), ('misses', MISS), ('false_alarms', FALSE_ALARM))}
     assert counts == {name: score[name] for name in counts}
-    done('export', out, '-o', maps, '--maps', 'inundated')
-    with rasterio.open(maps / 'inundated.tif') as file:
-        assert float(file.tags()['inundated_area_m2']) == score['inundated_area_m2']
+    done('export', out, '-o', maps, '--maps', 'inundated', 'thickness')
+    for path in (*maps.glob('*.tif'), *(out / item.name for item in maps.glob('*.tif'))):
+        with rasterio.open(path) as file:
+            tags = file.tags()
+        assert tags['date_utc'] == '2021-09-19T15:50:00Z'
+        if path.stem == 'inundated':
+            assert float(tags['inundated_area_m2']) == score['inundated_area_m2']
