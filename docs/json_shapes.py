@@ -82,7 +82,8 @@ SUMMARY = {
     })),
     'seed': count('Seed of the random numbers'),
     'workers?': count('Number of processes'), 'scheduler?': text('Address of the scheduler'),
-    'device': unknown(DEVICE), 'wall_time_s': number('Wall time of the members'),
+    'device': unknown(DEVICE),
+    'wall_time_s': number('Wall time of the members that this command ran'),
     'members_per_s': unknown(number('Members that ran in a second')),
     'area_m2': named(number('Area by probability of inundation')),
 }
