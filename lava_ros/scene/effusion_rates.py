@@ -344,7 +344,8 @@ def _mean_rates(
         problem = f'{rows[0].where} is the only row' if rows else f'{table} has no value'
         raise RefusalError(table, problem, 'Give the rates at two or more times')
     if is_instant:
-        rows = [_between(*pair, cumulative) for pair in pairwise(rows)]
+        instants = rows if cumulative else list(_with_start(rows))
+        rows = [_between(*pair, cumulative) for pair in pairwise(instants)]
     filled: list[_Row] = []
     for row in rows:
         span = row.end - row.start
@@ -373,6 +374,20 @@ def _mean_rates(
             )
             row = row._replace(value=last, error=math.nan)
         last = row.value
+        yield row
+
+
+def _with_start(rows: Sequence[_Row]) -> Iterator[_Row]:
+    """Yield rates at instants, and that at time 0, before which lava is left out."""
+    yield rows[0]
+    for before, row in pairwise(rows):
+        if before.start < 0.0 < row.start and math.isfinite(before.value + row.value):
+            part = before.start / (before.start - row.start)
+            rate, error = (
+                (1.0 - part) * one + part * other
+                for one, other in ((before.value, row.value), (before.error, row.error))
+            )
+            yield before._replace(start=0.0, end=0.0, value=rate, error=error, typed=())
         yield row
 
 

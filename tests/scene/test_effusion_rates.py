@@ -95,6 +95,15 @@ def test_rates_at_instants_have_the_volume_of_a_linear_change(tmp_path):
     assert sum(item.discharge * (item.end - item.start) for item in found) == 20.0 + 75.0
 
 
+@pytest.mark.parametrize('amount', ['rate', 'cumulative_volume'])
+def test_lava_before_the_start_is_that_of_the_change_up_to_it(amount, tmp_path):
+    found = read(tmp_path, f'time_s,{amount}\n-1000,0\n1000,40\n2000,40\n')
+    later = sum(item.discharge * (item.end - max(item.start, 0.0)) for item in found
+                if item.end > 0.0)
+    # a cumulative volume has one rate between two instants
+    assert later == pytest.approx(70_000.0 if amount == 'rate' else 20.0)
+
+
 def test_converts_dense_rock_to_bulk_rates_with_a_porosity(tmp_path):
     text = 'start_d,end_d,rate_dre\n0,1,15\n'
     (found,) = read(tmp_path, text, porosity=0.25)
