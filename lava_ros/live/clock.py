@@ -21,7 +21,7 @@ class FollowedClock:
     """Measures how far a clock has advanced from one reading to the next.
 
     A clock that goes back, or ahead by more than ``MAX_LAG`` at once, has jumped. A jump is
-    counted and not followed. As in ROS, a clock that shows 0 has no valid time yet, and its first
+    counted and not followed. While simulated time is held, only the jumps back count. As in ROS, a clock that shows 0 has no valid time yet, and its first
     valid time is not a jump.
 
     Attributes:
@@ -41,6 +41,7 @@ class FollowedClock:
 
     def start(self) -> None:
         """Follow the clock, beginning at its current time."""
+        self.elapse(is_held=True)
         self._now, self._looked = self.read(), time.monotonic()
         self.step = 0.0
 
@@ -49,15 +50,15 @@ class FollowedClock:
         """Advance of the clock since the last reading [s], 0 before its first valid time."""
         return max(0.0, self.read() - self._now) if self._now else 0.0
 
-    def elapse(self) -> float:
-        """Return the advance of the clock since the last reading [s], 0 at a jump."""
+    def elapse(self, *, is_held: bool = False) -> float:
+        """Return the advance of the clock since the last reading [s], 0 at a jump or if held."""
         before, looked = self._now, self._looked
         now, self._looked = self.read(), time.monotonic()
         elapsed = now - before
         if -JITTER < elapsed <= 0.0 and now:
             return 0.0
         self._now = now
-        if not before:
+        if not before or (is_held and elapsed > 0.0):
             return 0.0
         # After a long computation a steady clock has advanced far, which is not a jump.
         if 0.0 < elapsed <= MAX_LAG + self._looked - looked:

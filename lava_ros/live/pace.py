@@ -99,11 +99,15 @@ class Pace:
         return not (self._session.simulation is None or self.is_finished or is_held)
 
     def move(self) -> None:
-        """Move the target with the clock or a requested step, up to the end time."""
+        """Read the clock, and move the target with it or a requested step, up to the end time."""
+        is_held = self.step_target is not None or not self.is_moving
+        elapsed = self.clock.elapse(is_held=is_held)
+        if not self.is_moving:
+            return
         if self.step_target is not None:
             self.target = self.step_target
         else:
-            self.target += self.clock.elapse() * self._time_scale
+            self.target += elapsed * self._time_scale
             self.target = max(self.target, self._catch_up.begin(self.clock, self._time_scale))
             self._catch_up.note(self.age / self._time_scale, is_late=self.age > self.max_age)
             max_lag = self._catch_up.max_lag * self._time_scale

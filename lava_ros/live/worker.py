@@ -42,7 +42,7 @@ MAX_PARTICLES = 20_000_000
 #: Wall time of a slice of simulation [s]. A command waits at most for a slice and a time step.
 SLICE_WALL_TIME = 0.1
 
-#: Wall time between two slices if the simulation keeps up [s].
+#: Wall time between two readings of the clock if the simulation keeps up or is held [s].
 IDLE_WALL_TIME = 0.1
 
 #: Minimum wall time between two rounds of commands [s].
@@ -318,7 +318,7 @@ class SimulationWorker:
     def _run_commands(self) -> None:
         time.sleep(max(0.0, self._last_round + ROUND_WALL_TIME - time.monotonic()))
         is_due = self.pace.target > self.pace.followed
-        wait = (0.0 if is_due else IDLE_WALL_TIME) if self.pace.is_moving else None
+        wait = 0.0 if is_due and self.pace.is_moving else IDLE_WALL_TIME
         with suppress(queue.Empty):
             first = self.commands.get(wait)
             self._last_round = begun = time.monotonic()
@@ -365,9 +365,9 @@ class SimulationWorker:
 
     def _advance(self) -> None:
         pace, before = self.pace, self.session.time
+        pace.move()
         if not pace.is_moving:
             return
-        pace.move()
         self._slice = 0.0
         if pace.target > before:
             begun = time.monotonic()

@@ -75,6 +75,26 @@ def test_jumps_of_the_clock_are_counted_but_not_followed(bench, jump):
     bench.wait(lambda: (bench.worker.status.jumps, bench.worker.status.lost) == (0, 0.0))
 
 
+@pytest.mark.parametrize('is_read_while_paused', [True, False])
+@pytest.mark.parametrize(('jump', 'jumps'), [(-2.0, 1), (-1e6, 1), (-0.5, 0), (1e6, 0)])
+def test_only_jumps_back_of_the_clock_are_counted_while_paused(
+    bench, jump, jumps, is_read_while_paused
+):
+    bench.now = 1e7
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.run(bench.worker.pause(True))
+    bench.now += jump
+    if is_read_while_paused:
+        bench.wait(lambda: bench.worker.status.jumps == jumps)
+        assert bench.worker.status.jump == (jump if jumps else 0.0)
+    # the jump is counted once, and the time of the pause is not lost
+    bench.run(bench.worker.pause(False))
+    bench.go_on(0.5)
+    status = bench.worker.status
+    assert (status.jumps, status.lost) == (jumps, 0.0)
+    assert bench.simulation.time == pytest.approx(0.5)
+
+
 def test_a_long_computation_is_no_jump(monkeypatch):
     # a steady clock that is read after the computation alone
     now = [100.0]
