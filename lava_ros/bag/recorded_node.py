@@ -86,7 +86,7 @@ def find_node(
         return chosen, timeline.of(chosen.name)
     timeline = Timeline(bag, decoder)
     chosen = _chosen(bag, _nodes_in(timeline, namespaces), node)
-    # a replay in another namespace moves the maps, but does not rename the statuses
+    # ros2 bag play with remapped topics moves the maps, but does not rename the statuses
     is_only = not chosen.name and len(timeline.nodes) == 1
     return chosen, timeline if is_only else timeline.of(chosen.name)
 

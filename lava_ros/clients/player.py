@@ -1,22 +1,28 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Replay of a bag in a ROS graph: the recorded bytes with the recorded QoS, and /clock."""
+"""Replay of a bag in a ROS graph: the recorded bytes with the recorded QoS, and /clock.
+
+Only the diagnostics change, if the topics move to another namespace: they name their node.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import signal
 import time
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.serialization import deserialize_message, serialize_message
 from rosgraph_msgs.msg import Clock
 
 from lava_ros import validation
 from lava_ros.bag import replay
-from lava_ros.bag.reader import BagReader
+from lava_ros.bag.decoding import DIAGNOSTICS, node_of
+from lava_ros.bag.reader import BagMessage, BagReader
 from lava_ros.bag.recorded_node import select_node, Selection
 from lava_ros.errors import LavaError, RefusalError
 from lava_ros.ros.codec import message_class, time_message
@@ -27,7 +33,7 @@ CLOCK_TOPIC = '/clock'
 
 #: Topics that all namespaces of a graph share.
 SHARED_TOPICS = frozenset(
-    (CLOCK_TOPIC, '/diagnostics', '/parameter_events', '/rosout', '/tf', '/tf_static')
+    (CLOCK_TOPIC, DIAGNOSTICS, '/parameter_events', '/rosout', '/tf', '/tf_static')
 )
 
 #: Maximum time between steps when no clock is published [s], short enough for a progress bar.
@@ -110,10 +116,12 @@ class _Player:
         self.published = 0
         self._selection = selection
         described = bag.custom_data.get('namespace', '/')
-        recorded = described if selection is None else selection.node.namespace
+        self._recorded = described if selection is None else selection.node.namespace
+        self._namespace = node.get_namespace()
         self._logger = node.get_logger()
         self._clock = node.create_publisher(Clock, CLOCK_TOPIC, 1) if clock else None
         self._publishers: dict[str, Publisher] = {}
+        self._renamed = ''
         for topic in bag.topics.values():
             if selection is not None and topic.name not in selection.topics:
                 continue
@@ -125,7 +133,10 @@ class _Player:
             except LavaError as error:
                 self._logger.warning(f'{topic.name} is left out: {error}')
                 continue
-            name = _name_from(topic.name, recorded, node.get_namespace())
+            is_moved = self._namespace not in ('/', self._recorded)
+            if is_moved and topic.name == DIAGNOSTICS and kind is DiagnosticArray:
+                self._renamed = DIAGNOSTICS
+            name = _name_from(topic.name, self._recorded, self._namespace)
             self._publishers[topic.name] = node.create_publisher(
                 kind, name, ros_profile(topic.qos)
             )
@@ -153,8 +164,21 @@ class _Player:
         if message is None or message.topic not in self._publishers:
             return
         if self._selection is None or self._selection.has(message):
-            self._publishers[message.topic].publish(message.data)
+            self._publishers[message.topic].publish(self._data(message))
             self.published += 1
+
+    def _data(self, message: BagMessage) -> bytes:
+        """Return the bytes of a message; diagnostics name the node in its new namespace."""
+        if message.topic != self._renamed:
+            return message.data
+        array = deserialize_message(message.data, DiagnosticArray)
+        for status in array.status:
+            if node := node_of(status):
+                moved = _name_from(node, self._recorded, self._namespace)
+                full = moved if moved.startswith('/') else f'{self._namespace}/{moved}'
+                task = status.name.partition(':')[2]
+                status.name = f'{full.strip("/")}:{task}'
+        return bytes(serialize_message(array))
 
     def wait_until_acknowledged(self) -> None:
         """Wait up to ``ACKNOWLEDGE_TIMEOUT`` until reliable subscribers have everything."""

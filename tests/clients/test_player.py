@@ -9,7 +9,9 @@ import os
 from pathlib import Path
 import signal
 import threading
+from types import SimpleNamespace
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import pytest
 import rclpy
 from rclpy.context import Context
@@ -21,6 +23,8 @@ from std_msgs.msg import String
 
 from lava_ros.bag import BagReader, BagWriter, LATCHED, QosProfile
 from lava_ros.bag.qos import INFINITE_NS
+from lava_ros.bag.recorded_node import select_node
+from lava_ros.bag.replay import Step
 from lava_ros.bag.schemas import MessageSchema
 from lava_ros.clients import player
 from lava_ros.clients.player import play
@@ -206,6 +210,48 @@ def test_replay_resolves_names_like_the_node(
     node = Node('lava_player', context=context, start_parameter_services=False)
     made = player._Player(node, BagReader(tmp_path / 'bag'), clock=False)
     assert {topic: item.topic_name for topic, item in made._publishers.items()} == names
+    node.destroy_node()
+    context.shutdown()
+
+
+@pytest.mark.parametrize(
+    ('recorded', 'selected', 'name', 'moved'),
+    [
+        ('/', None, 'lava: simulation', 'x/lava: simulation'),
+        ('/etna', None, 'etna/lava: simulation', 'x/lava: simulation'),
+        ('/x', None, 'x/lava: simulation', 'x/lava: simulation'),
+        # of ros2 bag record, all nodes or one of them
+        (None, None, 'etna/lava: simulation', 'x/etna/lava: simulation'),
+        (None, '/etna', 'etna/lava: simulation', 'x/lava: simulation'),
+        # of a node outside of the recorded namespace, and of no node
+        ('/etna', None, 'hekla/lava: simulation', 'hekla/lava: simulation'),
+        ('/etna', None, 'battery', 'battery'),
+    ],
+)
+def test_diagnostics_of_a_replay_name_the_node_in_its_namespace(
+    tmp_path: Path, recorded: str | None, selected: str | None, name: str, moved: str
+) -> None:
+    array = DiagnosticArray(status=[DiagnosticStatus(name=name, message='running')])
+    array.status[0].values = [
+        KeyValue(key='frame_stamp_ns', value='1'), KeyValue(key='simulated_time_s', value='2.0')
+    ]
+    kind, sent = 'diagnostic_msgs/msg/DiagnosticArray', serialize_message(array)
+    data = {} if recorded is None else {'namespace': recorded}
+    with BagWriter(tmp_path / 'bag', custom_data=data) as writer:
+        writer.write('/diagnostics', kind, sent, 0, qos=QosProfile())
+    bag = BagReader(tmp_path / 'bag')
+    selection = None
+    if selected is not None:
+        selection = select_node(bag, selected, player.SHARED_TOPICS)
+    context = Context()
+    start_ros(['--ros-args', '-r', '__ns:=/x'], context=context)
+    node = Node('lava_player', context=context, start_parameter_services=False)
+    (message,) = bag.messages()
+    made, got = player._Player(node, bag, selection, clock=False), []
+    made._publishers = {'/diagnostics': SimpleNamespace(publish=got.append)}
+    made.publish(Step(0.0, 0, message, 0))
+    array.status[0].name = moved
+    assert [deserialize_message(data, DiagnosticArray) for data in got] == [array]
     node.destroy_node()
     context.shutdown()
 
