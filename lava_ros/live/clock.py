@@ -21,8 +21,8 @@ class FollowedClock:
     """Measures how far a clock has advanced from one reading to the next.
 
     A clock that goes back, or ahead by more than ``MAX_LAG`` at once, has jumped. A jump is
-    counted and not followed. While simulated time is held, only the jumps back count. As in ROS, a clock that shows 0 has no valid time yet, and its first
-    valid time is not a jump.
+    counted and not followed. While simulated time is held, only jumps back count. As in ROS, a
+    clock that shows 0 has no valid time yet, and its first valid time is not a jump.
 
     Attributes:
         read: Returns the time of the clock [s].
@@ -51,7 +51,10 @@ class FollowedClock:
         return max(0.0, self.read() - self._now) if self._now else 0.0
 
     def elapse(self, *, is_held: bool = False) -> float:
-        """Return the advance of the clock since the last reading [s], 0 at a jump or if held."""
+        """Return the advance of the clock since the last reading [s], 0 at a jump.
+
+        If simulated time ``is_held``, the advance is not followed, and only a jump back counts.
+        """
         before, looked = self._now, self._looked
         now, self._looked = self.read(), time.monotonic()
         elapsed = now - before

@@ -136,12 +136,14 @@ def forecast_status(
     state: ForecastStatus,
     latest: Forecast | EnsembleForecast | None,
     *,
+    frame_stamp_ns: int,
     age: float,
     staleness: str,
 ) -> DiagnosticStatus:
     """Return the status of the task ``forecast`` or ``ensemble``; ``latest`` is the newest result.
 
-    ``age`` is its age [s], ``staleness`` the reason why it is stale, empty if it is not.
+    ``frame_stamp_ns`` is the stamp of its maps [ns], ``age`` its age [s], ``staleness`` the reason
+    why it is stale, empty if it is not.
     """
     is_ensemble = task == 'ensemble'
     values: dict[str, object] = {
@@ -164,7 +166,7 @@ def forecast_status(
             'duration_s': f'{latest.duration:.3g}',
             'age_s': f'{age:.6g}',
             'is_stale': str(bool(staleness)).lower(),
-            'frame_stamp_ns': latest.stamp_ns,
+            'frame_stamp_ns': frame_stamp_ns,
         }
     if isinstance(latest, Forecast):
         values[count_key(latest.method)] = latest.particle_count

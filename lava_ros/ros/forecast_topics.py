@@ -48,8 +48,9 @@ _MAX_NAMED, _MAX_DESCRIBED = 3, 50
 class ForecastTopics:
     """The layers of the forecasts and ensembles that ``forecaster`` computes.
 
-    Messages are stamped with the time at which their forecast starts. A forecast is withdrawn, by
-    maps of unknown cells, when the scene or the effects change or when it is too old.
+    Messages are stamped with the time at which their forecast starts, by the clock after it went
+    back. A forecast is withdrawn, by maps of unknown cells, when the scene or the effects change
+    or when it is too old.
     """
 
     def __init__(
@@ -106,8 +107,12 @@ class ForecastTopics:
     def _publish(self, *, repeat: bool) -> None:
         forecaster = self.forecaster
         latest, ensemble = forecaster.latest, forecaster.ensembles.latest
-        self._forecasts.publish_valid(latest, forecaster.staleness(latest), repeat=repeat)
-        self._ensembles.publish_valid(ensemble, forecaster.staleness(ensemble), repeat=repeat)
+        time_scale = self._settings().time_scale
+        for publishers, newest in ((self._forecasts, latest), (self._ensembles, ensemble)):
+            publishers.publish_valid(
+                newest, forecaster.staleness(newest), repeat=repeat,
+                age_ns=round(forecaster.age(newest) / time_scale * 1e9),
+            )
 
     @property
     def valid(self) -> tuple[Forecast | None, EnsembleForecast | None]:
@@ -137,14 +142,16 @@ class ForecastTopics:
         if not settings.forecast_horizon:
             return []
         ensembles = forecaster.ensembles
-        tasks: list[Any] = [('forecast', forecaster.status, forecaster.latest)]
+        tasks: list[Any] = [('forecast', forecaster, self._forecasts)]
         if settings.ensemble_members:
-            tasks.append(('ensemble', ensembles.status, ensembles.latest))
+            tasks.append(('ensemble', ensembles, self._ensembles))
         return [
             diagnostics.forecast_status(
-                *task, age=forecaster.age(task[-1]), staleness=forecaster.staleness(task[-1])
+                name, source.status, latest := source.latest,
+                frame_stamp_ns=publishers.stamp_ns(latest),
+                age=forecaster.age(latest), staleness=forecaster.staleness(latest),
             )
-            for task in tasks
+            for name, source, publishers in tasks
         ]
 
     def _rules(self) -> ForecastRules:
@@ -171,8 +178,19 @@ class _Withdrawable(LayerPublishers[ForecastT]):
         self._withdrawn: tuple[ForecastT, ForecastT] | None = None
         self._is_valid = False
 
-    def publish_valid(self, latest: ForecastT | None, staleness: str, *, repeat: bool) -> None:
-        """Publish ``latest`` if it is new, or maps of unknown cells if it is stale."""
+    def stamp_ns(self, forecast: ForecastT | None) -> int:
+        """Return the stamp of the maps of a forecast [ns], 0 for None."""
+        if forecast is None:
+            return 0
+        return self.shown_stamp_ns if forecast is self.shown else forecast.stamp_ns
+
+    def publish_valid(
+        self, latest: ForecastT | None, staleness: str, *, repeat: bool, age_ns: int = 0
+    ) -> None:
+        """Publish ``latest`` if it is new, or maps of unknown cells if it is stale.
+
+        It started ``age_ns`` of the clock [ns] before the current state.
+        """
         if latest is None:
             return
         shown, time_ns = latest, now_ns(self._node)
@@ -180,14 +198,19 @@ class _Withdrawable(LayerPublishers[ForecastT]):
             if self._withdrawn is None or self._withdrawn[0] is not latest:
                 self._node.get_logger().info(f'{self._name} withdrawn: {staleness}')
                 self._withdrawn = latest, replace(latest.withdrawn(), stamp_ns=time_ns)
-            shown = self._withdrawn[1]
+            # a withdrawal holds at its stamp
+            shown, age_ns = self._withdrawn[1], 0
         else:
             # if it becomes stale again, the withdrawal has the stamp of that time
             self._withdrawn = None
         # the first valid maps and a withdrawal are published immediately
         is_urgent = bool(staleness) or not self._is_valid
+        stamp_ns = self.stamp_ns(shown)
+        if 0 < time_ns < stamp_ns:
+            # the clock went back: the arrival times count from the stamp
+            stamp_ns = max(1, time_ns - age_ns)
         self.publish(
-            shown, shown.stamp_ns, also_not_due=is_urgent, repeat=repeat, recorded_ns=time_ns
+            shown, stamp_ns, also_not_due=is_urgent, repeat=repeat, recorded_ns=time_ns
         )
         self._is_valid = not staleness
 
@@ -248,12 +271,14 @@ class PlaceTopic:
             stamp_ns: ROS time of the newest maps [ns].
             repeat: Publish again, even if nothing has changed.
         """
-        # snapshots and forecasts are equal only if they are the same object
-        is_new = self._shown != (snapshot, forecast, ensemble)
+        # snapshots and forecasts are equal only if they are the same object; a snapshot gets
+        # another stamp if the clock went back
+        shown = snapshot, forecast, ensemble, stamp_ns
+        is_new = self._shown != shown
         if not self._features or not (is_new or repeat):
             return
         if is_new:
-            self._shown = snapshot, forecast, ensemble
+            self._shown = shown
             self._find_places(snapshot.terrain)
             self._latest, statuses = None, []
             if self._places is not None:

@@ -200,6 +200,34 @@ def test_forecasts_are_withdrawn_when_the_scene_changes(node):
     assert node.call('pause', False)['success']
 
 
+def test_latched_maps_are_not_from_the_future_after_the_clock_went_back(node):
+    topics = ('hazard', 'height', *GRIDS, *IMAGES, 'place_arrivals')
+    wait_for_ensemble(node, lambda item: item['is_stale'] == 'false')
+    assert node.call('pause', True)['success']
+    node.status_now('forecast', lambda item: item['progress'] == '' and item['age_s'] == '0')
+    jumps = int(node.status_now('simulation')['clock_jumps'])
+    # twice, so that the maps of the first jump are also published again
+    for back in (500.0, 300.0):
+        before = node.newest(*topics)
+        node.jump(node.now - back)
+        now_ns, jumps = round(node.now * 1e9), jumps + 1
+        assert all(item['stamp_ns'] > now_ns for item in before.values())
+        found = node.newest(
+            *topics,
+            condition=lambda newest: all(
+                item['stamp_ns'] <= now_ns for item in newest.values()  # noqa: B023
+            ),
+        )
+        # the forecasts still apply
+        assert found['hazard']['stamp_ns'] == found['arrival']['stamp_ns'] == now_ns
+        assert min(item['stamp_ns'] for item in found.values()) > now_ns - 100 * 10**9
+        assert found['arrival']['max'] > -1 and found['inundation_probability']['max'] > -1
+        for task in ('forecast', 'ensemble', 'simulation'):
+            node.status_now(task, lambda item: int(item['frame_stamp_ns']) <= now_ns)  # noqa: B023
+        node.status_now('simulation', lambda item: item['clock_jumps'] == str(jumps))  # noqa: B023
+    assert node.call('pause', False)['success']
+
+
 def test_inactive_node_has_no_latched_forecast(node):
     wait_for_ensemble(node, lambda item: item['is_stale'] == 'false')
     node.newest(*GRIDS, condition=lambda newest: all(item['max'] > -1 for item in newest.values()))
