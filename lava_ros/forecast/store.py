@@ -51,6 +51,9 @@ _USABLE = 'a folder that is new, empty, or of this ensemble'
 #: Keys of ``run.json`` that the members of a folder have in common.
 _COMMON = ('scene', 'quantities', 'elevation', 'plan', 'seed', 'susceptibility')
 
+#: Folder of the files of the members.
+_MEMBERS = 'members'
+
 #: Values of ``run.json`` that are digests, with the words for what they stand for.
 _DIGESTS = {
     'elevation': 'elevation',
@@ -99,12 +102,12 @@ class Store(RecordedFolder):
             'seed': seed, 'susceptibility': susceptibility, 'parents': parents,
         }
         self.plan = plan_in(folder, plan, **self._drawn)
-        self._members = folder / 'members'
+        self._members = folder / _MEMBERS
         begun = {
             'kind': ENSEMBLE, **description(plan.scene, identity, settings, inputs),
             **_described(self.plan, **self._drawn), 'maps': BAG,
         }
-        if known := known_record(folder):
+        if known := _usable_record(folder):
             earlier, now = (item['program'].get('commit') for item in (known, begun))
             if earlier != now:
                 _LOG.warning(
@@ -207,12 +210,13 @@ def plan_in(
 
 
 def _usable_record(folder: Path) -> dict[str, Any]:
-    """Read the description of an ensemble; empty for a folder that is new or empty."""
+    """Read the description of an ensemble; empty for a folder without members."""
     known = known_record(folder)
     is_free = not known and is_usable(folder, known, '')
     if not is_free and known.get('kind') != ENSEMBLE:
         raise LavaError('--output', str(folder), _USABLE)
-    return known
+    # a command that was refused before its first member leaves none
+    return known if any((folder / _MEMBERS).glob('*.npz')) else {}
 
 
 def _described(
@@ -313,7 +317,7 @@ def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> Hazard
         if not all(type(weight) is int and 0 <= weight <= UNIT for weight in weights):
             raise ValueError(f'a weight is not a whole number from 0 to {UNIT}')
     tally = EnsembleAccumulator(plan, places)
-    where = folder if (folder / 'members').is_dir() else folder.parent
+    where = folder if (folder / _MEMBERS).is_dir() else folder.parent
 
     def refuse(error: LavaError) -> NoReturn:
         raise error
@@ -391,7 +395,7 @@ def _read_member(path: Path, index: int, plan: Plan) -> Footprint:
 
 
 def _member_path(folder: Path, index: int) -> Path:
-    return folder / 'members' / f'{index:07d}.npz'
+    return folder / _MEMBERS / f'{index:07d}.npz'
 
 
 def _switched_on(manifest: Any) -> tuple[CalledEffect, ...]:

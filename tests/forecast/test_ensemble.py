@@ -164,8 +164,11 @@ def test_wrong_arrays_are_named(
 
 
 def test_folder_of_another_ensemble_is_refused(tmp_path: Path) -> None:
-    for _ in range(2):
-        Store(tmp_path / 'a', PLAN, seed=1)
+    # a folder without members may become that of any ensemble
+    for seed in (2, 1):
+        Store(tmp_path / 'a', PLAN, seed=seed)
+    (tmp_path / 'a/members/0000000.npz').touch()
+    Store(tmp_path / 'a', PLAN, seed=1)
     scene = PLAN.scene
     lava = replace(scene.lava, viscosity=200.0)
     ground = replace(scene.terrain, elevation=scene.terrain.elevation + np.float32(1.0))
@@ -197,6 +200,7 @@ def test_members_keep_the_program_that_computed_them(
 ) -> None:
     folder = Store(tmp_path, PLAN)
     assert not caplog.text
+    (tmp_path / 'members/0000000.npz').touch()
     write_record(tmp_path, folder.record | {'program': program() | {'commit': 'abc'}})
     folder.close()
     folder = Store(tmp_path, PLAN)

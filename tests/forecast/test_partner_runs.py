@@ -150,6 +150,7 @@ def test_error_of_an_ensemble_is_that_of_its_scene_and_is_kept(tmp_path, monkeyp
     store = Store(tmp_path / 'a', plan)
     assert measure_ensemble_error(store, MIN_MEMBERS - 1) is None
     found = measure_ensemble_error(store, MIN_MEMBERS, device='cpu')
+    (tmp_path / 'a/members/0000000.npz').touch()
     store.close()
     areas = run(SMOOTH, ACCURACY, 'cpu', plan.effects)
     expected = measure_error(

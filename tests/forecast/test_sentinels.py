@@ -200,6 +200,7 @@ def test_folder_keeps_switched_on_effects_and_reasons(tmp_path: Path) -> None:
 ])
 def test_a_damaged_list_of_effects_is_refused(found: object, tmp_path: Path) -> None:
     Store(tmp_path, DISCS)
+    (tmp_path / 'members/0000000.npz').touch()
     path = tmp_path / 'run.json'
     known = json.loads(path.read_text())
     known['plan']['switched_on'] = found
