@@ -96,7 +96,7 @@ def iter_records(data: mmap.mmap) -> Iterator[tuple[int, int, int]]:
                 return
             continue
         if data[position] != Opcode.MESSAGE and _end_of(data, position) is not None:
-            # what looks like records inside, such as those of a chunk, are not records of the file
+            # the records inside a cut chunk are not records of the file
             yield TRUNCATED, position, len(data)
             return
         found = _BEGINNING.search(data, position + 1)

@@ -54,7 +54,7 @@ _COMMON = ('scene', 'quantities', 'elevation', 'plan', 'seed', 'susceptibility')
 #: Folder of the files of the members.
 _MEMBERS = 'members'
 
-#: Values of ``run.json`` that are digests, with the words for what they stand for.
+#: Digests in ``run.json``, with the name of the input for errors.
 _DIGESTS = {
     'elevation': 'elevation',
     'plan.covered': 'outline from which the members start',

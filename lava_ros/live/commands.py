@@ -82,10 +82,10 @@ class CommandQueue:
         if refusal is not None:
             finish(command.future, refusal)
 
-    def get(self, timeout: float | None = None) -> list[Command]:
+    def get(self, timeout: float) -> list[Command]:
         """Remove and return the oldest command, and those after it that run together with it.
 
-        Waits up to ``timeout`` [s] for a command (None: for ever).
+        Waits up to ``timeout`` [s] for a command.
 
         Raises:
             queue.Empty: If no command arrives in time, or the queue is closed.

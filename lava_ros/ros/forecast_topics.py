@@ -208,7 +208,7 @@ class _Withdrawable(LayerPublishers[ForecastT]):
         stamp_ns = self.stamp_ns(shown)
         if 0 < time_ns < stamp_ns:
             # the clock went back: the arrival times count from the stamp
-            stamp_ns, repeat = max(1, time_ns - age_ns), True
+            stamp_ns, is_urgent = max(1, time_ns - age_ns), True
         self.publish(
             shown, stamp_ns, also_not_due=is_urgent, repeat=repeat, recorded_ns=time_ns
         )

@@ -154,6 +154,8 @@ class LayerPublishers(Generic[Shown]):
         ``stamp_ns`` is the stamp of a snapshot that is published for the first time [ns],
         ``recorded_ns`` the ROS time of the messages in the bag [ns], by default ``stamp_ns``.
         """
+        # the clock went back: no map may be from the future until the next one comes
+        repeat |= also_not_due and 0 < stamp_ns < self.shown_stamp_ns
         for output in self._outputs:
             is_new = snapshot is not output.published and (output.is_due or also_not_due)
             if is_new or repeat:
@@ -168,8 +170,7 @@ class LayerPublishers(Generic[Shown]):
         if output.published is None or self.shown is None or recorded_ns is None:
             return
         if 0 < recorded_ns < self.shown_stamp_ns:
-            # the clock went back: no map may be from the future
-            self.publish(self.shown, recorded_ns, also_not_due=True, repeat=True)
+            self.publish(self.shown, recorded_ns, also_not_due=True, repeat=False)
             return
         message = output.message
         if message is None:

@@ -254,7 +254,7 @@ def barrier_tags(terrain: Terrain) -> dict[str, str]:
 
 
 def geotiff_tags(terrain: Terrain) -> dict[str, str]:
-    """Return the tags of a GeoTIFF of a terrain with what its cells do not show."""
+    """Return the GeoTIFF tags of a terrain: its barriers and its sea level."""
     level = terrain.sea_level
     return barrier_tags(terrain) | ({} if level is None else {_SEA_LEVEL: f'{level:.17g}'})
 

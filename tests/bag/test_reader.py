@@ -108,7 +108,7 @@ def test_file_cut_off_in_an_uncompressed_chunk_is_not_damaged(tmp_path: Path) ->
         assert reader.recovered and not reader.damage, place
         assert not attachments_of(tmp_path / 'cut.mcap'), place
         counts.add(reader.message_count)
-    # those of the complete chunks
+    # only the messages of the complete chunks are read
     assert counts == {0, 3, 9, 12}
 
 

@@ -223,7 +223,7 @@ def test_replay_resolves_names_like_the_node(
         # of ros2 bag record, all nodes or one of them
         (None, None, 'etna/lava: simulation', 'x/etna/lava: simulation'),
         (None, '/etna', 'etna/lava: simulation', 'x/lava: simulation'),
-        # of a node outside of the recorded namespace, and of no node
+        # the status belongs to a node outside of the recorded namespace, or to no node
         ('/etna', None, 'hekla/lava: simulation', 'hekla/lava: simulation'),
         ('/etna', None, 'battery', 'battery'),
     ],

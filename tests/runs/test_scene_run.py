@@ -192,7 +192,7 @@ def test_interrupted_run_continues_with_the_same_result(whole, tmp_path, monkeyp
     assert frames == expected
     assert {path.name for path in folder.iterdir()} == {'run.json', 'maps_2'}
     known = known_record(whole.folder.path)
-    # of the first command, also in the bag, from which pages take the date of the computation
+    # the date is that of the first command; pages take it from the bag
     assert BagReader(folder).custom_data['begun'] == record['begun'] == '2021-09-19T14:10:00Z'
     same = record.keys() - {'maps', 'wall_time_s', 'begun', 'effects'}
     assert {name: record[name] for name in same} == {name: known[name] for name in same}

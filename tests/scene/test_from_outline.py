@@ -193,7 +193,7 @@ def test_maps_of_a_hindcast_and_of_a_member_have_one_area_of_the_same_flow(
     # an area counts parts of a cell, to which the fraction outside the outline is rounded
     area = shown.area(shown.inundated)
     assert area == pytest.approx(member.inundated.sum() * (CELL * factor) ** 2, rel=1e-3)
-    # no less than the outline, and than what flows
+    # the area is at least that of the outline, and at least that of the flow
     assert area >= max(case.initial.sum() * CELL**2, flow.area(flow.inundated)) * (1.0 - 1e-3)
     assert (np.isfinite(shown.half_inundated) == shown.footprint).all()
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Limiter of third order of what a flux carries through a face (Koren 1993)."""
+"""Third-order limiter of the slope at a face (Koren 1993)."""
 
 #: Name in C++: the slope by the differences behind and ahead, 0 where they differ in sign. Needs
 #: ``larger`` and ``smaller``.
