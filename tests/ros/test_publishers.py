@@ -163,6 +163,23 @@ def test_heartbeat_after_the_clock_went_back_is_not_from_the_future():
     assert world.publishers.shown_stamp_ns == 20 * 10**9
 
 
+@pytest.mark.parametrize('is_at_rest', [True, False])
+def test_maps_without_a_heartbeat_follow_the_clock_back_at_rest(is_at_rest):
+    """A simulation that runs soon has a new map, and the same one twice would be in its bag."""
+    world = _Published('nav2_speed.yaml')
+    snapshot, _ = _small_flow()
+    world.publishers.publish(snapshot, 50 * 10**9, also_not_due=True, repeat=False)
+    world.sent.clear()
+    for now in (20, 30):
+        world.publishers.publish(snapshot, now * 10**9, also_not_due=is_at_rest, repeat=False)
+    stamps = [
+        (topic, deserialize_message(data, OccupancyGrid).header.stamp.sec)
+        for topic, data in world.sent
+    ]
+    expected = [(layer.topic, 20) for layer in world.layers] if is_at_rest else []
+    assert sorted(stamps) == sorted(expected)
+
+
 @pytest.mark.parametrize('phase', [0.0, 0.3, 1.9])
 def test_heartbeat_is_never_late(phase):
     """No gap is longer than the heartbeat, whenever the map was published before."""
